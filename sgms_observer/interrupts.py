@@ -94,6 +94,17 @@ def obey_interrupt() -> None:
 _noted: list[int] = []
 
 
+def listed_signals() -> list[int]:
+    """Return a list that gets the number of every SIGINT and SIGTERM from now on.
+
+    An event would not do: a second signal may come while the first one holds the event's lock, and waits for ever.
+    """
+    listed: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _frame: listed.append(number))
+    return listed
+
+
 def note_signals() -> None:
     """Note every SIGINT and SIGTERM from now on."""
     for number in (signal.SIGINT, signal.SIGTERM):

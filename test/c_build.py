@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import tempfile
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -25,7 +27,7 @@ def needs(*programs: str) -> pytest.MarkDecorator:
 
 
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
-STRICT = "-O1 -g -Wall -Wextra -Werror"
+STRICT = "-O1 -g1 -Wall -Wextra -Werror"
 SANITIZED = f"{STRICT} -fsanitize=address,undefined -fno-sanitize-recover=all"
 
 
@@ -37,14 +39,18 @@ def exported(folder: Path, axes: tuple[AxisSettings, ...], real: str = "double",
     return folder
 
 
-def can_sanitize(compiler: str, folder: Path) -> bool:
+def can_sanitize(compiler: str) -> bool:
     """Return whether a compiler has the libraries of its sanitizers; it must where ``REQUIRED`` is set."""
-    if os.environ.get(REQUIRED):
-        return True
-    source = folder / "sanitized.c"
-    source.write_text("int main(void) { return 0; }\n", encoding="utf-8")
-    flags = ["-fsanitize=address,undefined", "-o", str(folder / "sanitized"), str(source)]
-    return subprocess.run([compiler, *flags], capture_output=True, check=False).returncode == 0
+    return bool(os.environ.get(REQUIRED)) or _builds_sanitized(compiler)
+
+
+@cache
+def _builds_sanitized(compiler: str) -> bool:
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "sanitized.c"
+        source.write_text("int main(void) { return 0; }\n", encoding="utf-8")
+        flags = ["-fsanitize=address,undefined", "-o", str(source.with_suffix("")), str(source)]
+        return subprocess.run([compiler, *flags], capture_output=True, check=False).returncode == 0
 
 
 def run_vector(

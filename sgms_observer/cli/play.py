@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import queue
-import signal
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -26,7 +25,8 @@ HELP = "play a bag into the live graph where `ros2 bag` is not installed; moves 
 _DEPTH = 10_000  # messages, a second at 10 kHz
 _ACK_TIME = 2.0  # s for the last messages to arrive
 _SETTLING = 0.5  # s without a new subscriber; discovery finds the other topics of a node within this time
-_SHORT = 0.002  # s; a shorter pause is a plain sleep, a longer one ends early when the command is stopped
+_SHORT = 0.002  # s; before a message, a pause as short as this one sleeps to its end
+_LONGEST = 0.05  # s without a look whether the command is stopped
 
 Due = tuple[list[float], list[int], list[bytes]]
 
@@ -65,13 +65,12 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.bags.source import BagReader
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import RecordingError
+    from sgms_observer.interrupts import listed_signals
     from sgms_observer.nodes.transport import prepare_transport
 
     if not 0.0 < args.rate < float("inf"):
         raise RecordingError(f"--rate {args.rate:g} must be a positive number; 1 plays in real time")
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    stop = listed_signals()
     renamed = {_absolute(name): _absolute(key) for key, name in topics_from(args.topic).items()}
     with BagReader(args.bag) as bag:
         topics = _choose(bag, args.topics, renamed)
@@ -95,10 +94,8 @@ def run(args: argparse.Namespace) -> Outcome:
                 node.destroy_node()
             rclpy.try_shutdown()
         warn(bag.warnings)
-    print(f"{'stopped after' if stop.is_set() else 'played'} {sent} messages, the latest {latest * 1e3:.1f} ms late")
-    return Outcome(
-        result={"schema": 1, "bag": args.bag, "messages": sent, "stopped": stop.is_set(), "latest_s": latest}
-    )
+    print(f"{'stopped after' if stop else 'played'} {sent} messages, the latest {latest * 1e3:.1f} ms late")
+    return Outcome(result={"schema": 1, "bag": args.bag, "messages": sent, "stopped": bool(stop), "latest_s": latest})
 
 
 def _absolute(name: str) -> str:
@@ -145,25 +142,25 @@ def _advertise(node: Node, kinds: dict[str, str], topics: tuple[str, ...], renam
     return [node.create_publisher(load_type(kinds[topic]), renamed.get(topic, topic), qos) for topic in topics]
 
 
-def _await_subscriber(publishers: list[Any], seconds: float, stop: threading.Event) -> None:
+def _await_subscriber(publishers: list[Any], seconds: float, stop: Sequence[int]) -> None:
     """Wait until subscribers were found and no further one appears, or until the time is over."""
     end = time.monotonic() + seconds
     counts: list[int] = []
     since = 0.0
-    while (now := time.monotonic()) < end and not stop.is_set():
+    while (now := time.monotonic()) < end and not stop:
         before, counts = counts, [publisher.get_subscription_count() for publisher in publishers]
         if counts != before:
             since = now
         elif any(counts) and now - since >= _SETTLING:
             return
-        stop.wait(0.02)
+        time.sleep(0.02)
     if any(counts):
         return
-    if seconds > 0.0 and not stop.is_set():
+    if seconds > 0.0 and not stop:
         warn([f"no node subscribed to the played topics within {seconds:g} s; the bag is played without subscribers"])
 
 
-def _publish(schedule: Schedule, publishers: list[Any], stop: threading.Event, bar: Progress) -> tuple[int, float]:
+def _publish(schedule: Schedule, publishers: list[Any], stop: Sequence[int], bar: Progress) -> tuple[int, float]:
     """Publish every message when it is due; return their number and the largest delay [s]."""
     send = [publisher.publish for publisher in publishers]
     start: float | None = None
@@ -179,13 +176,13 @@ def _publish(schedule: Schedule, publishers: list[Any], stop: threading.Event, b
                     time.sleep(pause)
                 else:
                     bar.show(due)
-                    stop.wait(min(pause, 0.5) - 0.5 * _SHORT)
-                if stop.is_set():
+                    time.sleep(min(pause, _LONGEST) - 0.5 * _SHORT)
+                if stop:
                     return sent, latest
             send[number](message)
             sent += 1
             latest = max(latest, -pause)
-        if stop.is_set():
+        if stop:
             break
     return sent, latest
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import signal
-import threading
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -55,6 +53,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.errors import RecordingError
+    from sgms_observer.interrupts import ignore_signals, listed_signals
     from sgms_observer.nodes.recording import RecorderNode
     from sgms_observer.nodes.spin import leave_graph, make_executor
     from sgms_observer.nodes.transport import prepare_transport
@@ -67,9 +66,7 @@ def run(args: argparse.Namespace) -> Outcome:
         refuse_other_names(topic, topic)
     writer = BagWriter(args.out, args.storage, keep_on_failure=True, is_overwriting=args.overwrite)
     executor = node = None
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    stop = listed_signals()
     prepare_transport()
     _let_others_first()
     try:
@@ -79,7 +76,7 @@ def run(args: argparse.Namespace) -> Outcome:
         executor.add_node(node)
         print(f"recording into {args.out}; stop with Ctrl-C", flush=True)
         end = time.monotonic() + (args.duration if args.duration is not None else float("inf"))
-        while not stop.is_set() and not node.done.done() and (left := end - time.monotonic()) > 0.0:
+        while not stop and not node.done.done() and (left := end - time.monotonic()) > 0.0:
             executor.spin_until_future_complete(node.done, timeout_sec=min(left, _SPIN_AT_ONCE))
         _drain(executor, node, writer)
     except ExternalShutdownException:
@@ -88,8 +85,7 @@ def run(args: argparse.Namespace) -> Outcome:
         writer.abort()
         raise
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        ignore_signals()
         fault = node.fault if node is not None else None
         leave_graph(executor, node)
     if fault is not None:

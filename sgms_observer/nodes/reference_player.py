@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-import signal
-import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError, RecordingError
+from sgms_observer.interrupts import listed_signals
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -67,16 +66,14 @@ def play_reference(
     from sgms_observer.nodes.transport import prepare_transport
 
     prepare_transport()
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    stop = listed_signals()
     rclpy.init(args=remaps(topics), signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("sgms_excite")
     try:
         position, velocity = reference_from(_standing_at(node, axis, stop).position)
         set_points = SetPoints(node, axis)
         _await(lambda: set_points.reader_count > 0, stop, "no node subscribes to reference; start the table")
-        while not set_points.has_met_all() and not stop.is_set():
+        while not set_points.has_met_all() and not stop:
             time.sleep(0.02)
         clock = _standing_at(node, axis, stop)  # again, because a simulated table may have caught up meanwhile
         begun = time.monotonic()
@@ -85,7 +82,7 @@ def play_reference(
         done, published, is_braking = 0, -math.inf, False
         while done < len(position):
             late = time.monotonic() - begun - done * period
-            if (stop.is_set() or late > _LATEST) and not is_braking:
+            if (stop or late > _LATEST) and not is_braking:
                 is_braking = True
                 last = max(done - 1, 0)
                 way = braking(float(position[last]), float(velocity[last]), acceleration, period)
@@ -105,7 +102,7 @@ def play_reference(
             done = due
             time.sleep(_TURN)
         set_points.wait_acknowledged()
-        if is_braking and not stop.is_set():
+        if is_braking and not stop:
             raise DataError(f"the machine was busy for more than {_LATEST:g} s; the motion was stopped: start it again")
         return not is_braking
     finally:
@@ -113,11 +110,11 @@ def play_reference(
         rclpy.try_shutdown()
 
 
-def _await(condition: Callable[[], bool], stop: threading.Event, sentence: str) -> None:
+def _await(condition: Callable[[], bool], stop: Sequence[int], sentence: str) -> None:
     """Wait for a condition; raise the sentence after a time-out."""
     end = time.monotonic() + _FIRST_POSITION_TIME
     while not condition():
-        if stop.is_set() or time.monotonic() > end:
+        if stop or time.monotonic() > end:
             raise RecordingError(sentence)
         time.sleep(0.02)
 
@@ -130,7 +127,7 @@ class _Standing(NamedTuple):
     heard_at: float
 
 
-def _standing_at(node: Node, axis: AxisSettings, stop: threading.Event) -> _Standing:
+def _standing_at(node: Node, axis: AxisSettings, stop: Sequence[int]) -> _Standing:
     """Return the position of the table: of its first samples, the one with the shortest delay."""
     import rclpy
     from sensor_msgs.msg import JointState
@@ -148,7 +145,7 @@ def _standing_at(node: Node, axis: AxisSettings, stop: threading.Event) -> _Stan
     subscription = node.create_subscription(JointState, "position", take, SAMPLE_QOS)
     end = time.monotonic() + _FIRST_POSITION_TIME
     while not found or time.monotonic() < found[0].heard_at + _CLOCK_TIME:
-        if not found and (stop.is_set() or time.monotonic() > end):
+        if not found and (stop or time.monotonic() > end):
             raise RecordingError(f"no position of axis {axis.name} arrives; start the table")
         rclpy.spin_once(node, timeout_sec=0.05)
     node.destroy_subscription(subscription)

@@ -6,11 +6,13 @@ import contextlib
 import ctypes
 import os
 import signal
+import subprocess
 import sys
 import time
 import types
 
 import pytest
+from program import PATIENCE
 
 from sgms_observer import interrupts
 from sgms_observer.cli import main as command_line
@@ -24,6 +26,27 @@ def interrupt_lost() -> None:
     with contextlib.suppress(KeyboardInterrupt):
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(1.0)
+
+
+BUSY = """
+from sgms_observer.interrupts import ignore_signals, listed_signals
+listed = listed_signals()
+print("ready", flush=True)
+while len(listed) < 1000:
+    pass
+ignore_signals()
+"""
+
+
+def test_many_signals_at_once_do_not_wait_for_each_other() -> None:
+    """A recorder hung for ever after a second Ctrl-C that came within the handling of the first."""
+    with subprocess.Popen([sys.executable, "-c", BUSY], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+        end = time.monotonic() + PATIENCE
+        while process.poll() is None and time.monotonic() < end:
+            process.send_signal(signal.SIGINT)
+        process.kill()
+    assert process.returncode == 0
 
 
 def test_an_interrupt_that_was_lost_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,8 +27,8 @@ def simulated(
 
 def test_the_lag_is_found_added_and_closes_the_gap(tmp_path: Path) -> None:
     """The sine hardly determines the strength of the lag, and must not take the name for that."""
-    learn, rate = simulated(tmp_path, "several_sines", TO_LEARN, 8.0, 20)
-    judge, _ = simulated(tmp_path, "paper_sine", TO_JUDGE, 4.0, 21)
+    learn, rate = simulated(tmp_path, "several_sines", TO_LEARN, 5.0, 20)
+    judge, _ = simulated(tmp_path, "paper_sine", TO_JUDGE, 3.0, 21)
     arguments = ["diagnose", str(learn), "--config", str(CONFIG), "--holdout", str(judge)]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
@@ -41,8 +41,8 @@ def test_the_lag_is_found_added_and_closes_the_gap(tmp_path: Path) -> None:
 
 def test_a_far_gap_on_an_unseen_motion_is_never_no_effect(tmp_path: Path) -> None:
     """One sine is fitted by bending the elements; another amplitude shows that nothing was understood."""
-    learn, _ = simulated(tmp_path, "paper_sine", TO_JUDGE, 5.0)
-    judge, _ = simulated(tmp_path, "smaller_sine", {"kind": "sine", "amplitude": 6.0e-5, "frequency": 2.0}, 4.0)
+    learn, _ = simulated(tmp_path, "paper_sine", TO_JUDGE, 3.2)
+    judge, _ = simulated(tmp_path, "smaller_sine", {"kind": "sine", "amplitude": 6.0e-5, "frequency": 2.0}, 3.2)
     arguments = ["diagnose", str(learn), "--config", str(CONFIG), "--holdout", str(judge)]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))

@@ -46,7 +46,7 @@ def test_a_missing_compiler_skips_only_where_it_is_not_required(
 
 def test_sanitizers_are_required_with_the_compilers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(c_build.REQUIRED, "1")
-    assert c_build.can_sanitize("no-such-compiler", Path())
+    assert c_build.can_sanitize("no-such-compiler")
 
 
 def test_ci_requires_and_installs_the_compilers_before_it_runs_the_tests() -> None:

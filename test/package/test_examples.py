@@ -61,7 +61,7 @@ def test_a_first_parameter_file_fits_its_bag(tmp_path: Path) -> None:
 
 
 def test_many_recordings_are_diagnosed_each_by_itself(tmp_path: Path) -> None:
-    said = _run("process_many_recordings", "--out", str(tmp_path), "--seconds", "5")
+    said = _run("process_many_recordings", "--out", str(tmp_path), "--seconds", "4")
     assert "2 of 2 recordings gave a result" in said
     assert re.search(r"^learn: \w+, found .*cogging", said, re.MULTILINE)
     assert (tmp_path / "diagnosed" / "report.html").exists()

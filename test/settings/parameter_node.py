@@ -1,4 +1,7 @@
-"""A node of the package that prints its name and its parameters: run by test_real_rcl.py in a process of its own."""
+"""Nodes of the package that print their names and parameters: run by test_real_rcl.py in a process of their own.
+
+Each argument is a command line of one node, as JSON. They live one after the other, each with a ROS of its own.
+"""
 
 from __future__ import annotations
 
@@ -37,11 +40,18 @@ def watch(event: str, arguments: tuple[object, ...]) -> None:
 
 
 def main() -> int:
-    """Print one JSON object with what became of the arguments, or the sentences on stderr."""
+    """Have one node after the other live; return the worst of their exit codes."""
     sys.addaudithook(watch)
+    return max(live([sys.argv[0], *json.loads(arguments)]) for arguments in sys.argv[1:])
+
+
+def live(argv: list[str]) -> int:
+    """Print one JSON object with what became of the arguments, or the sentences on stderr."""
+    checked.clear()
+    temporary_files.clear()
     sys.setprofile(note)
     try:
-        given = read_arguments(sys.argv)
+        given = read_arguments(argv)
     except ConfigurationError as error:
         print(*error.sentences, sep="\n", file=sys.stderr)
         return 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,13 @@ observer_node:
 
 def node_with(*arguments: str) -> subprocess.CompletedProcess[str]:
     """Run a node that declares every parameter and prints what became of it."""
-    command = [sys.executable, str(HERE / "parameter_node.py"), "--ros-args", *arguments]
+    return nodes_with([arguments])
+
+
+def nodes_with(lines: Sequence[Sequence[str]]) -> subprocess.CompletedProcess[str]:
+    """Run such nodes one after the other, each with its arguments; each prints a line."""
+    given = (json.dumps(["--ros-args", *arguments]) for arguments in lines)
+    command = [sys.executable, str(HERE / "parameter_node.py"), *given]
     return subprocess.run(command, cwd=HERE.parents[1], capture_output=True, text=True, timeout=120, check=False)
 
 
@@ -105,28 +112,38 @@ observer_node: {ros__parameters: {x: {mass: 2.0}}}
 """
 
 
-@pytest.mark.parametrize(
-    ("arguments", "name", "mass", "force"),
-    [
-        ((), "/observer_node", 2.0, 7.0),
-        (("-r", "__ns:=/left"), "/left/observer_node", 3.0, 7.0),
-        (("-r", "__ns:=/left/table"), "/left/table/observer_node", 1.0, 7.0),
-        (("-r", "__ns:=/table", "-r", "__node:=eyes"), "/table/eyes", 5.0, 8.0),
-        (("-r", "__node:=eyes", "-r", "observer_node:__ns:=/table"), "/eyes", 1.0, 7.0),
-        (("-r", "__node:=eyes", "-r", "eyes:__ns:=/table"), "/table/eyes", 5.0, 8.0),
-        (("-r", "__ns:=/table", "-r", "__ns:=/other"), "/table/observer_node", 4.0, 8.0),
-        (("-r", "other:__ns:=/table", "-r", "__name:=ears"), "/ears", 1.0, 7.0),
-        (("-r", "__ns:=/table", "-p", "x.mass:=6"), "/table/observer_node", 6.0, 8.0),
-        (("-p", "ears:x.mass:=6"), "/observer_node", 2.0, 7.0),
-    ],
-)
+NAMED = {
+    (): ("/observer_node", 2.0, 7.0),
+    ("-r", "__ns:=/left"): ("/left/observer_node", 3.0, 7.0),
+    ("-r", "__ns:=/left/table"): ("/left/table/observer_node", 1.0, 7.0),
+    ("-r", "__ns:=/table", "-r", "__node:=eyes"): ("/table/eyes", 5.0, 8.0),
+    ("-r", "__node:=eyes", "-r", "observer_node:__ns:=/table"): ("/eyes", 1.0, 7.0),
+    ("-r", "__node:=eyes", "-r", "eyes:__ns:=/table"): ("/table/eyes", 5.0, 8.0),
+    ("-r", "__ns:=/table", "-r", "__ns:=/other"): ("/table/observer_node", 4.0, 8.0),
+    ("-r", "other:__ns:=/table", "-r", "__name:=ears"): ("/ears", 1.0, 7.0),
+    ("-r", "__ns:=/table", "-p", "x.mass:=6"): ("/table/observer_node", 6.0, 8.0),
+    ("-p", "ears:x.mass:=6"): ("/observer_node", 2.0, 7.0),
+}
+"""Arguments of a node: its full name, and its mass and static force from ``SECTIONS``."""
+
+
+@pytest.fixture(scope="module")
+def named(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, ...], dict[str, Any]]:
+    """Return what the nodes of ``NAMED`` print."""
+    path = tmp_path_factory.mktemp("sections") / "sections.yaml"
+    path.write_text(SECTIONS, encoding="utf-8")
+    done = nodes_with([("--params-file", str(path), *arguments) for arguments in NAMED])
+    assert done.returncode == 0, done.stderr
+    return dict(zip(NAMED, map(json.loads, done.stdout.splitlines()), strict=True))
+
+
+@pytest.mark.parametrize("arguments", NAMED, ids=" ".join)
 def test_the_sections_for_the_name_that_rcl_gives_the_node(
-    arguments: tuple[str, ...], name: str, mass: float, force: float, tmp_path: Path
+    arguments: tuple[str, ...], named: dict[tuple[str, ...], dict[str, Any]]
 ) -> None:
-    (tmp_path / "sections.yaml").write_text(SECTIONS, encoding="utf-8")
-    found = told(node_with("--params-file", str(tmp_path / "sections.yaml"), *arguments))
+    found = named[arguments]
     values = found["parameters"]
-    assert (found["name"], values["x.mass"], values["x.friction.static_force"]) == (name, mass, force)
+    assert (found["name"], values["x.mass"], values["x.friction.static_force"]) == NAMED[arguments]
 
 
 def test_of_several_files_the_last_decides(tmp_path: Path) -> None:
