@@ -15,16 +15,15 @@ QUICK = (
     "settings",
 )  # fmt: skip
 
-#: They start nodes, or look at the clock: beside tests that compute with the same priority they could fail for want of
-#: time. These, and every test that takes the fixture ``ros``, get the marker ``live``. Where `make test` cannot give
-#: the others a lower priority, it runs them first.
+#: They start nodes, or look at the clock: beside tests that compute on all cores they could fail for want of time.
+#: These, and every test that takes the fixture ``ros``, get the marker ``live``. `make test` runs all others first.
 LIVE = (
     "bags/test_live.py", "faults/test_signals.py", "nodes", "package/test_launch_starts.py",
 )  # fmt: skip
 
 #: The live tests that the clock judges, or that take all cores: they get the marker ``alone`` too. The other live
 #: tests mostly wait, for messages and motions, and `make test` runs as many at once as there are cores; these come
-#: after them, one by one.
+#: last, one by one.
 ALONE = (
     "nodes/test_bench_live.py", "nodes/test_commission.py", "nodes/test_demo.py", "nodes/test_first_start.py",
     "nodes/test_reference_player.py",
