@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from endurance_memory import Memory
 
-from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.bench.problem import AMPLITUDE, FREQUENCY, PERIOD, make_problem
 from sgms_observer.bench.process import write_config
+from sgms_observer.cli.compile import compile_or_warn
 from sgms_observer.cli.progress import Progress
 from sgms_observer.nodes.conductor import Conductor, prepare_graph
 from sgms_observer.observer.axis_observer import AxisObserver
@@ -33,7 +33,7 @@ def over_the_graph(seconds: float, folder: Path) -> dict[str, Any]:
     Returns:
         What was measured.
     """
-    compile_ahead()
+    compile_or_warn()
     prepare_graph()
     config = write_config(folder, "mhe")
     sent_file, heard_file = folder / "sent.npy", folder / "heard.npz"

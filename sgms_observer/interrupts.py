@@ -100,15 +100,19 @@ def listed_signals() -> list[int]:
     An event would not do: a second signal may come while the first one holds the event's lock, and waits for ever.
     """
     listed: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _frame: listed.append(number))
+    _list_signals_in(listed)
     return listed
 
 
 def note_signals() -> None:
     """Note every SIGINT and SIGTERM from now on."""
+    _list_signals_in(_noted)
+
+
+def _list_signals_in(listed: list[int]) -> None:
+    """Append the number of every SIGINT and SIGTERM to a list from now on."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _frame: _noted.append(number))
+        signal.signal(number, lambda number, _frame: listed.append(number))
 
 
 def ignore_signals() -> None:

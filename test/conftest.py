@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -36,8 +35,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background jo
 
 
 PACKAGE = "sgms_observer"
-ROS_FIXTURES = "ros_fixtures"
-"""The module that gives the fixtures of live tests."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -54,16 +51,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the live tests; keep the quick ones where only these are asked for.
-
-    Raises:
-        UsageError: a file has a live test and would not be read by the pass of the live ones.
-    """
+    """Mark the live tests; keep the quick ones where only these are asked for."""
     for item in items:
         if _is_in(item.path, LIVE) or "ros" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.live)
-            if not _may_be_live(item.path):
-                raise pytest.UsageError(f"{item.path} has a live test and does not import {ROS_FIXTURES}")
         if _is_in(item.path, ALONE):
             item.add_marker(pytest.mark.alone)
     if _is_quick(config):
@@ -73,18 +64,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Leave files that are not asked for unread: importing all of them takes longer than many a quick test."""
-    if collection_path.suffix != ".py":
-        return None
-    expression = config.option.markexpr
-    if _is_quick(config):
-        is_asked_for = _is_in(collection_path, QUICK)
-    elif expression == "alone":
-        is_asked_for = _is_in(collection_path, ALONE)
-    elif expression == "live and not alone":
-        is_asked_for = _may_be_live(collection_path) and not _is_in(collection_path, ALONE)
-    else:
-        is_asked_for = expression != "not live" or not _is_in(collection_path, LIVE)
-    return None if is_asked_for else True
+    chosen = QUICK if _is_quick(config) else ALONE if config.option.markexpr == "alone" else None
+    return True if chosen and collection_path.is_file() and not _is_in(collection_path, chosen) else None
 
 
 def _is_quick(config: pytest.Config) -> bool:
@@ -92,15 +73,7 @@ def _is_quick(config: pytest.Config) -> bool:
     return not config.option.whole and (config.option.quick or config.option.junitprefix == PACKAGE)
 
 
-@cache
-def _may_be_live(path: Path) -> bool:
-    """Return whether a file may have live tests: by its place, or by the fixtures that it or its folder imports."""
-    files = (file for file in (path, path.with_name("conftest.py")) if file.exists())
-    return _is_in(path, LIVE) or any(ROS_FIXTURES in file.read_text(encoding="utf-8") for file in files)
-
-
-@cache
-def _is_in(path: Path, names: tuple[str, ...]) -> bool:
+def _is_in(path: Path, names: Sequence[str]) -> bool:
     """Return whether a file is one of these, or in one of these folders."""
     return any(path.is_relative_to(Path(__file__).parent / name) for name in names)
 

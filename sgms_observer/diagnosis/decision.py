@@ -18,7 +18,7 @@ from sgms_observer.diagnosis.evidence import Improvement, improvement, preferenc
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, limits
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
-from sgms_observer.diagnosis.instruments import delay_in_response, is_in_response, or_in_response
+from sgms_observer.diagnosis.instruments import delay_in_response, is_shown, or_in_response
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, STRIBECK_VELOCITY, VISCOUS, Model
 from sgms_observer.diagnosis.motion import HELD_LAG
 from sgms_observer.diagnosis.ranges import plausible_range
@@ -138,7 +138,8 @@ def _decided(
         tests.append(at_least(item.name, HELD_OUT_GAP, z_score, criteria.interval_z_score))
     share = evaluation.closed_share(gap)
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
-    tests += range_tests(item, evaluation)
+    in_response = delay_in_response(item.refit.model, item.name, evaluation) if item.settings else None
+    tests += range_tests(item, is_shown(in_response, criteria))
     if item.settings is None or needs_visible_contact(item.name):
         title = "friction that reverses within one encoder step, over the static force"
         tests.append(at_most(item.name, title, evaluation.hidden_by_encoder, HALF_A_REVERSAL))
@@ -150,7 +151,6 @@ def _decided(
         if is_rival and not is_confusable_with_contact(item.name):
             tests.append(_test_while_sliding(item, before, earlier, later, evaluation))
         if not any(map(contradicts, tests)):  # the regression takes longer than all the other tests together
-            in_response = delay_in_response(item.refit.model, item.name, evaluation)
             free = free_form_tests(item, before, gap, evaluation)
             tests += [or_in_response(test, in_response, criteria) for test in free]
             tests += hidden_contact_tests(item, before, evaluation)
@@ -206,12 +206,9 @@ def needs_visible_contact(name: str) -> bool:
     return is_confusable_with_contact(name) or effect(name).place is Place.EFFORT_PATH
 
 
-def range_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
-    """Return the test that no parameter of an effect is at the end of its physical or plausible range."""
-    if item.settings is None:
-        return []
-    is_shown_elsewhere = is_in_response(item.refit.model, item.name, evaluation)
-    return [within_range(item.settings, item.refit, item.setup, is_shown_elsewhere)]
+def range_tests(item: Candidate, is_shown_elsewhere: bool = False) -> list[Test]:
+    """Return the test that no parameter of an effect is at the end of its range; arguments as of ``within_range``."""
+    return [] if item.settings is None else [within_range(item.settings, item.refit, item.setup, is_shown_elsewhere)]
 
 
 def within_range(settings: EffectSettings, fit: Refit, setup: RefitSetup, is_shown_elsewhere: bool) -> Test:

@@ -9,7 +9,6 @@ from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
 from sgms_observer.diagnosis.diagnosis import Round, accepted_candidates
-from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.gap_data import GapData
@@ -123,7 +122,7 @@ def _with_another_map(
             continue
         more = with_map(learnt, found, units)
         total = residuals(final.fit.model.with_effects([item.settings for item in more]), data.motions)
-        gain = improvement(data.rest(left).blocks(criteria.block), data.rest(total).blocks(criteria.block))
+        gain = data.reported_reduction(left, total)
         # The gap as reported has to shrink surely and by as much, too.
         if gain.z_score >= criteria.interval_z_score and gain.share >= least:
             return more

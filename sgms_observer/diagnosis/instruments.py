@@ -33,11 +33,9 @@ class Share:
     value: float
     error: float
 
-    def test(self, name: str, criteria: Criteria) -> Test:
-        """Return the test that the response to the reference surely shows the effect."""
-        title = "smallest likely share of the delay in the response to the reference"
-        least = self.value - criteria.interval_z_score * self.error
-        return at_least(name, title, least, criteria.min_imitable_share)
+    def least(self, criteria: Criteria) -> float:
+        """Return the smallest likely share."""
+        return self.value - criteria.interval_z_score * self.error
 
 
 def delay_in_response(model: Model, name: str, evaluation: EvaluationData) -> Share | None:
@@ -54,16 +52,14 @@ def delay_in_response(model: Model, name: str, evaluation: EvaluationData) -> Sh
     return share_in_response(model, others, evaluation.motions, evaluation.references, evaluation.criteria)
 
 
-def is_in_response(model: Model, name: str, evaluation: EvaluationData) -> bool:
+def is_shown(in_response: Share | None, criteria: Criteria) -> bool:
     """Return whether the response to the reference surely shows a delay, which no contact makes.
 
     Args:
-        model: the model with it.
-        name: the effect; one that is no delay is not shown.
-        evaluation: the recordings.
+        in_response: share of the delay that the response shows, or None.
+        criteria: thresholds.
     """
-    found = delay_in_response(model, name, evaluation)
-    return found is not None and found.test(name, evaluation.criteria).passed
+    return in_response is not None and in_response.least(criteria) >= criteria.min_imitable_share
 
 
 def or_in_response(test: Test, in_response: Share | None, criteria: Criteria) -> Test:
@@ -75,7 +71,10 @@ def or_in_response(test: Test, in_response: Share | None, criteria: Criteria) ->
         in_response: share of the delay that the response to the reference shows, or None.
         criteria: thresholds.
     """
-    return test if test.passed or in_response is None else in_response.test(test.of, criteria)
+    if test.passed or in_response is None:
+        return test
+    title = "smallest likely share of the delay in the response to the reference"
+    return at_least(test.of, title, in_response.least(criteria), criteria.min_imitable_share)
 
 
 def share_in_response(

@@ -32,7 +32,7 @@ from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
-from sgms_observer.diagnosis.instruments import Share, delay_in_response, is_in_response, or_in_response
+from sgms_observer.diagnosis.instruments import Share, delay_in_response, is_shown, or_in_response
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import slides_fast, sliding_shares
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
@@ -202,13 +202,10 @@ def without_insignificant_effects(
         tests = _reported_tests(closed_gap, closed)
         failed = min(_failed(tests), key=lambda test: test.value / test.threshold, default=None)
         if failed is None:
-            effects = [item for item in written.fitted.effects if item.name in names]
-            tests += [
-                within_range(
-                    item, written.fitted, written.setup, is_in_response(written.after.model, item.name, evaluation)
-                )
-                for item in effects
-            ]
+            for item in [one for one in written.fitted.effects if one.name in names]:
+                in_response = delay_in_response(written.after.model, item.name, evaluation)
+                shown = is_shown(in_response, options.criteria)
+                tests.append(within_range(item, written.fitted, written.setup, shown))
             failed = max(_failed(tests), key=lambda test: test.value, default=None)
         if failed is None:
             for test in tests:

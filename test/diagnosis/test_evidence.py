@@ -235,14 +235,12 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
     assert not all(test.passed for test in physical_tests(fast, math.inf, evaluation))
     low = item("actuator_saturation", 1e-3 * most)
     assert not all(test.passed for test in physical_tests(low, math.inf, evaluation))
-    assert not all(test.passed for test in range_tests(item("actuator_saturation", most), evaluation))
-    assert not all(
-        test.passed for test in range_tests(item("mass_error", -0.9 * MODEL.mass), evaluation)
-    )  # nothing is left
-    assert all(test.passed for test in range_tests(item("mass_error", -0.5 * MODEL.mass), evaluation))
+    assert not all(test.passed for test in range_tests(item("actuator_saturation", most)))
+    assert not all(test.passed for test in range_tests(item("mass_error", -0.9 * MODEL.mass)))  # nothing is left
+    assert all(test.passed for test in range_tests(item("mass_error", -0.5 * MODEL.mass)))
     stroke = float(np.ptp(motion.position))
-    assert not all(test.passed for test in range_tests(item("cogging", 0.5, 0.7 * stroke, 0.1, 0.0, 0.0), evaluation))
-    assert all(test.passed for test in range_tests(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0), evaluation))
+    assert not all(test.passed for test in range_tests(item("cogging", 0.5, 0.7 * stroke, 0.1, 0.0, 0.0)))
+    assert all(test.passed for test in range_tests(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0)))
 
 
 @pytest.mark.parametrize(
@@ -262,7 +260,7 @@ def test_beside_freed_friction_at_its_end_no_effect_that_a_contact_can_imitate_p
     logs = np.zeros(len(MODEL.parameter_names()))
     logs[VISCOUS] = -limits(MODEL, 0.05, freedom)[VISCOUS]
     fit = replace(setup.fit((), evaluations=1), effects=(EffectSettings(name, values),), logs=logs)
-    (test,) = range_tests(Candidate(name, setup, fit, 1), evaluation)
+    (test,) = range_tests(Candidate(name, setup, fit, 1))
     assert test.passed == passes
 
 

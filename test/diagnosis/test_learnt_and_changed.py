@@ -9,12 +9,13 @@ import workflow_case
 from workflow_case import AXIS, record
 
 from sgms_observer.application.bag_info import refuse_learnt_from
-from sgms_observer.diagnosis import final_model, workflow
+from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evidence import Improvement
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals, rms
+from sgms_observer.diagnosis.gap_data import GapData
 from sgms_observer.diagnosis.map_fit import AT_REST, fit_map
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
@@ -210,7 +211,7 @@ def test_parts_left_out_in_turn_are_enough_to_learn_from(rail: tuple[Recording, 
 def test_a_map_that_hardly_closes_the_gap_as_reported_is_not_learnt(
     share: float, is_learnt: bool, rail: tuple[Recording, Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(final_model, "improvement", lambda *_: Improvement(share, 9.0, 1.0))
+    monkeypatch.setattr(GapData, "reported_reduction", lambda *_: Improvement(share, 9.0, 1.0))
     answer = answered(rail, AXIS)
     assert bool(answer.learnt) is is_learnt
 

@@ -74,7 +74,7 @@ def test_a_small_value_of_a_parameter_with_a_wide_range_is_not_at_its_end() -> N
     assert 0.02 * travel < 1e-9 * 1e7  # the width lies within a billionth of its range from zero
     setup = RefitSetup(data, MODEL, 0.05)
     found = Candidate("wear_step", setup, first_fit(setup, before, wear, columns), 1)
-    (test,) = range_tests(found, evaluation_of((motion,), MODEL))
+    (test,) = range_tests(found)
     assert test.passed and test.value == 0.0
 
 

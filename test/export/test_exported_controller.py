@@ -247,7 +247,7 @@ int main() {
   for (const auto & [wanted, limit] : cases) {
     sgms_friction_compensation::FrictionCompensation controller;
     controller.on_init();
-  controller.set_chained_mode(true);
+    controller.set_chained_mode(true);
     auto offered = controller.offer();
     controller.command_interfaces_.resize(1);
     controller.state_interfaces_.resize(1);
