@@ -57,6 +57,7 @@ CRITERION_OF = {
     "residual over noise, where the contact slides fast": "max_sliding_over_noise",
     "share of the squared gap, where the contact slides fast": "min_predictable_share",
     "residual above noise / closed residual": "min_imitable_share",
+    "share of what it closes that it surely closes beside a map": "min_imitable_share",
     "largest likely share of the delay": "min_imitable_share",
     "smallest likely share of the delay": "min_imitable_share",
     "squared difference / (difference": "min_imitable_share",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, finish_fit, with_effect
 from sgms_observer.diagnosis.changed_contact import CHANGED_CONTACT_LAW, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.coordinates import free_form_coordinates, is_confusable_with_contact
@@ -19,6 +20,7 @@ from sgms_observer.diagnosis.fit import Refit, RefitSetup, limits
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.instruments import delay_in_response, is_shown, or_in_response
+from sgms_observer.diagnosis.map_fit import effect_and_map, maps_over
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, STRIBECK_VELOCITY, VISCOUS, Model
 from sgms_observer.diagnosis.motion import HELD_LAG
 from sgms_observer.diagnosis.ranges import plausible_range
@@ -342,7 +344,8 @@ def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluat
 
     The residual may contain other effects, and a recording correlates coordinates: a stage that repeats one move has
     the same velocity at the same position. Both sides may therefore also use all other coordinates. What the regression
-    surely predicts better is a share of what it and the effect close.
+    surely predicts better is a share of what it and the effect close. It may also be another force over the same
+    coordinates: beside an effect that no contact can imitate a map over them may take it, if the effect adds to it.
 
     Args:
         item: the hypothesis.
@@ -357,15 +360,23 @@ def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluat
     without_effect = min((_rest(before.model, one, evaluation) for one in (names, ALL)), key=lambda rest: rest.rms)
     criteria = evaluation.criteria
     title = f"share that is surely predicted better by a free-form term over {', '.join(names)}"
-    for one in ((), others):  # the second regression takes time and is needed only if the effect alone does not match
-        with_effect = _rest(item.refit.model, one, evaluation)
-        better = improvement(with_effect.blocks(criteria.block), without_effect.blocks(criteria.block))
+
+    def against(left: Sequence[Floats]) -> Test:
+        better = improvement(left, without_effect.blocks(criteria.block))
         share = better.decrease / (max(closed.decrease, 0.0) + better.decrease) if better.decrease > 0.0 else 0.0
         is_sure = better.z_score > criteria.min_z_score
-        test = at_most(item.name, title, share if is_sure else 0.0, criteria.min_predictable_share)
+        return at_most(item.name, title, share if is_sure else 0.0, criteria.min_predictable_share)
+
+    for one in ((), others):  # the second regression takes time and is needed only if the effect alone does not match
+        test = against(_rest(item.refit.model, one, evaluation).blocks(criteria.block))
         if test.passed:
-            break
-    return [test]
+            return [test]
+    over = [] if is_confusable_with_contact(item.name) else maps_over(set(names))
+    if not over:
+        return [test]
+    without, with_it = (_fitted_and_evaluated(model, evaluation) for model in (before.model, item.refit.model))
+    both = effect_and_map(item.name, without, with_it, over, criteria)
+    return [against(both.left), both.added] if both and both.added.passed else [test]
 
 
 def hidden_contact_tests(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:
@@ -400,7 +411,7 @@ def _rest(model: Model, names: Sequence[str], evaluation: EvaluationData) -> Wei
         names: coordinates of the regression; empty for none.
         evaluation: the recordings.
     """
-    rest = WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.weights)
+    rest = _evaluated(model, evaluation)
     return rest.minus(free_form_prediction(names, model, evaluation).predicted) if names else rest
 
 
@@ -408,15 +419,21 @@ def free_form_prediction(names: Sequence[str], model: Model, evaluation: Evaluat
     """Return the free-form prediction of a residual on the evaluated recordings, from memory if it was made before."""
     key = (tuple(names), model)
     if key not in evaluation.predictions:
-        fitted = WeightedResidual(
-            evaluation.fit_motions, residuals(model, evaluation.fit_motions), evaluation.fit_data.weights
-        )
-        evaluated = fitted
-        if evaluation.has_held_out:
-            left = residuals(model, evaluation.motions)
-            evaluated = WeightedResidual(evaluation.motions, left, evaluation.weights)
-        evaluation.predictions[key] = free_form(names, fitted, evaluated, evaluation.criteria, evaluation.seed)
+        pair = _fitted_and_evaluated(model, evaluation)
+        evaluation.predictions[key] = free_form(names, *pair, evaluation.criteria, evaluation.seed)
     return evaluation.predictions[key]
+
+
+def _fitted_and_evaluated(model: Model, evaluation: EvaluationData) -> tuple[WeightedResidual, WeightedResidual]:
+    """Return the residual of a model on the fitted and on the evaluated recordings; one object if they are the same."""
+    left = residuals(model, evaluation.fit_motions)
+    fitted = WeightedResidual(evaluation.fit_motions, left, evaluation.fit_data.weights)
+    return (fitted, _evaluated(model, evaluation)) if evaluation.has_held_out else (fitted, fitted)
+
+
+def _evaluated(model: Model, evaluation: EvaluationData) -> WeightedResidual:
+    """Return the residual of a model on the evaluated recordings."""
+    return WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.weights)
 
 
 def z_score_between(one: Evidence, other: Evidence, criteria: Criteria) -> float:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.coordinates import CONTACT
-from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.map_columns import MapColumns, blocks_left, path_of, smooth_values
@@ -90,18 +90,13 @@ def fit_map(
     found: list[tuple[FittedMap, list[Floats]]] = []
     tried = len(COORDINATES) + len(AT_REST)
     for coordinates in over:
-        empty = _empty(coordinates, fitted.motions, name)
-        if empty is None:
+        solved = _solved(coordinates, fitted, evaluated, criteria, name)
+        if solved is None:
             continue
-        columns = MapColumns.of(empty, fitted)
-        solve = smooth_values(empty, columns)
-        filled = empty.filled(solve(columns.rows, columns.target))
-        others = None if fitted is evaluated else MapColumns.of(empty, evaluated)
-        after = blocks_left(evaluated, columns.predicted(solve, others), criteria.block)
-        gain = improvement(evaluated.blocks(criteria.block), after)
+        gain = improvement(evaluated.blocks(criteria.block), solved.left)
         if gain.z_score >= criteria.z_score_of(tried) and gain.share >= criteria.min_closed_share:
-            text, shares = sentence(filled, units), columns.data_shares
-            found.append((FittedMap(filled, coordinates, gain, gain.share, text, shares), after))
+            text, shares = sentence(solved.map, units), solved.columns.data_shares
+            found.append((FittedMap(solved.map, coordinates, gain, gain.share, text, shares), solved.left))
     if not found:
         return None
     best = max(found, key=lambda pair: pair[0].improvement.decrease)
@@ -110,6 +105,84 @@ def fit_map(
         if is_simpler and improvement(item[1], best[1]).z_score < criteria.min_z_score:
             return item[0]
     return best[0]
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """A map, its columns on the fitted recordings, and what it leaves in each block of the evaluated recordings."""
+
+    map: LearntMap
+    columns: MapColumns
+    left: list[Floats]
+
+
+def _solved(
+    coordinates: tuple[str, ...],
+    fitted: WeightedResidual,
+    evaluated: WeightedResidual,
+    criteria: Criteria,
+    name: str = MAP_NAMES[0],
+) -> _Solved | None:
+    """Return the map over some coordinates, or None if one of them hardly varies; arguments as of ``fit_map``."""
+    empty = _empty(coordinates, fitted.motions, name)
+    if empty is None:
+        return None
+    columns = MapColumns.of(empty, fitted)
+    solve = smooth_values(empty, columns)
+    others = None if fitted is evaluated else MapColumns.of(empty, evaluated)
+    left = blocks_left(evaluated, columns.predicted(solve, others), criteria.block)
+    return _Solved(empty.filled(solve(columns.rows, columns.target)), columns, left)
+
+
+def maps_over(coordinates: Set[str]) -> list[tuple[str, ...]]:
+    """Return the coordinates of maps that depend on nothing but some coordinates, and perhaps on the direction."""
+    return [key for key in COORDINATES if set(key) <= coordinates | {"direction"} and set(key) & coordinates]
+
+
+@dataclass(frozen=True)
+class EffectAndMap:
+    """An effect beside a map over its coordinates.
+
+    Attributes:
+        added: test that the map takes less than half of what the effect closes.
+        left: what effect and map leave in each block of the evaluated recordings, weighted [N].
+    """
+
+    added: Test
+    left: list[Floats]
+
+
+def effect_and_map(
+    name: str,
+    without: tuple[WeightedResidual, WeightedResidual],
+    with_it: tuple[WeightedResidual, WeightedResidual],
+    over: Sequence[tuple[str, ...]],
+    criteria: Criteria,
+) -> EffectAndMap | None:
+    """Return an effect beside the map over its coordinates that predicts best without it; None if they hardly vary.
+
+    A map has few values. It cannot take what is finer than its grid, as a ripple with a short pitch is; what it can
+    take needs no name.
+
+    Args:
+        name: the effect.
+        without, with_it: residual on the fitted and on the evaluated recordings, without the effect and with it; as in
+            ``fit_map``.
+        over: coordinates of the maps that are tried.
+        criteria: thresholds.
+    """
+    tried = [(key, found.left) for key in over if (found := _solved(key, *without, criteria))]
+    if not tried:
+        return None
+    key, left_alone = min(tried, key=lambda pair: sum(float(part @ part) for part in pair[1]))
+    both = _solved(key, *with_it, criteria)
+    assert both is not None  # on the same recordings
+    alone = improvement(without[1].blocks(criteria.block), with_it[1].blocks(criteria.block))
+    gain = improvement(left_alone, both.left)
+    is_sure = gain.z_score >= criteria.min_z_score
+    share = gain.decrease / max(alone.decrease, 1.0e-300) if is_sure else 0.0
+    title = "share of what it closes that it surely closes beside a map over its coordinates"
+    return EffectAndMap(at_least(name, title, share, criteria.min_imitable_share), both.left)
 
 
 def with_map(maps: Sequence[FittedMap], another: FittedMap, units: Units) -> list[FittedMap]:

@@ -200,6 +200,36 @@ def test_a_ripple_is_named_although_the_same_recording_also_lacks_a_drag(monkeyp
     assert answer.effects[0].settings.values[1] == pytest.approx(0.004, rel=0.01)
 
 
+ROUGH = 0.8 * np.random.default_rng(61).standard_normal(61)
+
+
+@pytest.mark.parametrize(
+    ("ripple", "pitch", "along", "is_named"),
+    [(0.4, 0.002, LEVEL, True), (0.4, 0.02, LEVEL, False), (0.0, 0.002, ROUGH, False)],
+    ids=["short_pitch", "long_pitch", "rough_rail"],
+)
+def test_a_ripple_has_its_name_beside_a_map_of_the_rail_that_cannot_take_it(
+    ripple: float, pitch: float, along: np.ndarray, is_named: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The force along the rail closes more than the ripple does. A map of 24 points can take a long pitch, but not a
+    short one. It cannot take a rough rail either, which one pitch does not describe."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("cogging",))
+    monkeypatch.setattr(workflow_case, "rich_position", slow_strokes)
+    places = tuple(np.linspace(-0.024, 0.024, len(along)).tolist())
+    rail = LearntMap(("position",), (places,), tuple(along.tolist()))
+    hidden = (EffectSettings("cogging", (ripple, pitch, 0.3, 0.0, 0.0)), rail.settings())
+    answer = answered((made(hidden, 1, duration=24.0), made(hidden, 2, duration=24.0)), AXIS)
+    found = [item.settings.values[1] for item in answer.effects]
+    assert found == ([pytest.approx(pitch, rel=0.01)] if is_named else [])
+    assert answer.remainder == "learnt" and answer.learnt[0].coordinates[0] == "position"
+
+
+def slow_strokes(duration: float, seed: int, period: float) -> np.ndarray:
+    """Return strokes over 44 mm, slow and fast [m]; the seed gives the phases."""
+    time = np.arange(round(duration / period)) * period
+    return 0.013 * np.sin(2.0 * np.pi * 0.5013 * time + seed) + 0.009 * np.sin(2.0 * np.pi * 0.173 * time + 2.0 * seed)
+
+
 def test_parts_left_out_in_turn_are_enough_to_learn_from(rail: tuple[Recording, Recording]) -> None:
     answer = answer_of(diagnose(rail, [], AXIS, OPTIONS), AXIS, OPTIONS)
     assert answer.verdict == "unknown_effect" and answer.remainder == "learnt"
