@@ -21,6 +21,8 @@ SMOOTHNESS = (1.0e-3, 1.0e-2, 1.0e-1, 1.0, 10.0)
 FOLDS, FOLD_TIME = 5, 2.0
 """Number of folds of the cross-validation, and length of the pieces assigned to them in turn [s]."""
 
+_AT_ONCE = 16
+"""Number of columns that are filtered by one call: one by one takes twice as long, all at once a lot of memory."""
 _RIDGE = 1.0e-3
 """Weight that draws every value to zero, relative to that of the smoothness. Where the data of a grid point weigh less
 than this share of the mean, they do not determine its value: the smoothness would go on in a straight line there, as
@@ -51,8 +53,10 @@ class MapColumns:
         """
         rows, folds = [], []
         for motion, weight in zip(rest.motions, rest.weights, strict=True):
-            basis = learnt.basis(path_of(motion)).toarray()
-            rows.append(weight[:, None] * np.column_stack([motion.low_pass(column) for column in basis.T]))
+            columns = learnt.basis(path_of(motion)).T.tocsr()
+            starts = range(0, columns.shape[0], _AT_ONCE)
+            filtered = [motion.low_pass(columns[start : start + _AT_ONCE].toarray()) for start in starts]
+            rows.append(weight[:, None] * np.vstack(filtered).T)
             folds.append((motion.thinned(motion.time) / FOLD_TIME).astype(np.int64) % FOLDS)
         return cls(np.vstack(rows), np.concatenate(rest.weighted), np.concatenate(folds))
 
