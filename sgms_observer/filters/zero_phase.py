@@ -6,6 +6,8 @@ signals at a time, which the processor computes beside each other: sixteen signa
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy import signal
 
@@ -25,12 +27,11 @@ def zero_phase(sections: Floats, signals: Floats) -> Floats:
     """
     if signals.ndim == 1:
         return zero_phase(sections, signals[:, None])[:, 0]
-    edge = _edge(sections)
+    edge, settled = _edge_and_settled(sections.tobytes(), len(sections))
     if not HAS_NUMBA or len(signals) <= edge:
         return np.asarray(signal.sosfiltfilt(sections, signals, axis=0))
     before, after = 2.0 * signals[0] - signals[edge:0:-1], 2.0 * signals[-1] - signals[-2 : -edge - 2 : -1]
     values = np.concatenate([before, signals, after])
-    settled = signal.sosfilt_zi(sections)
     state = np.empty((len(sections), 2, values.shape[1]))
     for is_back in (False, True):
         state[:] = settled[:, :, None] * values[-1 if is_back else 0]
@@ -38,10 +39,17 @@ def zero_phase(sections: Floats, signals: Floats) -> Floats:
     return values[edge : edge + len(signals)]
 
 
-def _edge(sections: Floats) -> int:
-    """Return by how many samples scipy continues a signal beyond either end."""
+@lru_cache(maxsize=64)
+def _edge_and_settled(raw: bytes, count: int) -> tuple[int, Floats]:
+    """Return by how many samples scipy continues a signal beyond either end, and the state of a constant signal of 1.
+
+    Args:
+        raw: the sections' numbers.
+        count: number of sections.
+    """
+    sections = np.frombuffer(raw).reshape(count, 6)
     unused = min(np.count_nonzero(sections[:, 2] == 0.0), np.count_nonzero(sections[:, 5] == 0.0))
-    return 3 * (2 * len(sections) + 1 - int(unused))
+    return 3 * (2 * count + 1 - int(unused)), np.asarray(signal.sosfilt_zi(sections))
 
 
 @njit
