@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import matplotlib
@@ -102,7 +103,7 @@ def sheet(
         share: ``sharex`` and the like, for matplotlib.
 
     Yields:
-        The sheet to draw on; afterwards its ``picture`` holds SVG and PNG.
+        The sheet to draw on; afterwards its ``picture`` holds the SVG, and draws the PNG if it is asked for.
     """
     with pyplot.rc_context({**_STYLE, "svg.hashsalt": name}):
         figure, grid = pyplot.subplots(rows, columns, figsize=(_WIDTH * columns, height * rows), squeeze=False, **share)
@@ -120,12 +121,19 @@ def sheet(
             layout = TightLayoutEngine(pad=0.5)
             layout.execute(figure)
             layout.execute(figure)  # the first one may change the ticks, and with them the width of their labels
-            png, svg = io.BytesIO(), io.StringIO()
-            figure.savefig(png, format="png", dpi=_PNG_DPI)
+            svg = io.StringIO()
             figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-            drawn.drawn = Picture(name, caption, _of_the_page(svg.getvalue(), name, caption), png.getvalue())
+            drawn.drawn = Picture(name, caption, _of_the_page(svg.getvalue(), name, caption), partial(_png, figure))
         finally:
             pyplot.close(figure)
+
+
+def _png(figure: Figure) -> bytes:
+    """Return a figure as a PNG file."""
+    png = io.BytesIO()
+    with pyplot.rc_context(_STYLE):
+        figure.savefig(png, format="png", dpi=_PNG_DPI)
+    return png.getvalue()
 
 
 def _legend_columns(labels: Sequence[str]) -> int:
