@@ -123,12 +123,15 @@ class CompiledEffects:
         force, factor = np.zeros(n), np.ones(n)
         if self.has_force_or_level:
             zero = np.zeros(n)
-            kernels.effects_block(
-                self.kinds, self.p_at, self.s_at, self.parameters, state, self.user,
+            # numba compiles the kernel again for every mixture of whole and strided arrays, which takes 2 s
+            q, v, a, t, u, dt, sliding, v2, a2 = map(np.ascontiguousarray, (
                 position, velocity, acceleration, time, effort, period, level,
                 zero if other_velocity is None else other_velocity,
                 zero if other_acceleration is None else other_acceleration,
-                np.zeros(SCRATCH), force, factor,
+            ))  # fmt: skip
+            kernels.effects_block(
+                self.kinds, self.p_at, self.s_at, self.parameters, state, self.user,
+                q, v, a, t, u, dt, sliding, v2, a2, np.zeros(SCRATCH), force, factor,
             )  # fmt: skip
         return force, factor
 

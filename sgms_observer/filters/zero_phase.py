@@ -31,7 +31,7 @@ def zero_phase(sections: Floats, signals: Floats) -> Floats:
     if not HAS_NUMBA or len(signals) <= edge:
         return np.asarray(signal.sosfiltfilt(sections, signals, axis=0))
     before, after = 2.0 * signals[0] - signals[edge:0:-1], 2.0 * signals[-1] - signals[-2 : -edge - 2 : -1]
-    values = np.concatenate([before, signals, after])
+    values = np.ascontiguousarray(np.concatenate([before, signals, after]))
     state = np.empty((len(sections), 2, values.shape[1]))
     for is_back in (False, True):
         state[:] = settled[:, :, None] * values[-1 if is_back else 0]
