@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from sgms_observer.arrays import Floats
 from sgms_observer.errors import ConfigurationError
@@ -179,6 +178,8 @@ def through_points(
         pieces[:, 0] = position[:-1]
         pieces[:, 1] = np.diff(position) / np.diff(time)
     else:
+        from scipy.interpolate import CubicSpline  # takes longer to load than all the rest of a stage
+
         spline = CubicSpline(time, position, bc_type="clamped" if gap else "periodic")
         pieces = (spline.c[::-1] * np.array([[1.0], [1.0], [2.0], [6.0]])).T
     if gap:

@@ -163,10 +163,12 @@ def topics_from(arguments: Sequence[str], keys: Sequence[str] = ()) -> dict[str,
     Raises:
         ConfigurationError: one of them is malformed or has an unknown key.
     """
+    found: dict[str, str] = {}
+    if not arguments:  # spare commands that read no bag the import of what reads bags
+        return found
     from sgms_observer.bags.source import INPUTS
 
     known = keys or INPUTS
-    found: dict[str, str] = {}
     for argument in arguments:
         key, equals, name = argument.partition("=")
         if not (key and equals and name):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sgms_observer.arrays import Floats, Ints
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.diagnosis.evidence import in_blocks
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.motion import Motion
@@ -21,6 +21,8 @@ SMOOTHNESS = (1.0e-3, 1.0e-2, 1.0e-1, 1.0, 10.0)
 FOLDS, FOLD_TIME = 5, 2.0
 """Number of folds of the cross-validation, and length of the pieces assigned to them in turn [s]."""
 
+_AT_ONCE = 16
+"""Number of columns that are filtered by one call: one by one takes twice as long, all at once a lot of memory."""
 _RIDGE = 1.0e-3
 """Weight that draws every value to zero, relative to that of the smoothness. Where the data of a grid point weigh less
 than this share of the mean, they do not determine its value: the smoothness would go on in a straight line there, as
@@ -51,8 +53,10 @@ class MapColumns:
         """
         rows, folds = [], []
         for motion, weight in zip(rest.motions, rest.weights, strict=True):
-            basis = learnt.basis(path_of(motion)).toarray()
-            rows.append(weight[:, None] * np.column_stack([motion.low_pass(column) for column in basis.T]))
+            columns = learnt.basis(path_of(motion)).T.tocsr()
+            starts = range(0, columns.shape[0], _AT_ONCE)
+            filtered = [motion.low_pass(columns[start : start + _AT_ONCE].toarray()) for start in starts]
+            rows.append(weight[:, None] * np.ascontiguousarray(np.vstack(filtered).T))
             folds.append((motion.thinned(motion.time) / FOLD_TIME).astype(np.int64) % FOLDS)
         return cls(np.vstack(rows), np.concatenate(rest.weighted), np.concatenate(folds))
 
@@ -72,11 +76,15 @@ class MapColumns:
         if others is not None:
             return np.asarray(others.rows @ solve(self.rows, self.target))
         predicted = np.zeros(len(self.target))
-        for fold in range(FOLDS):
-            out = self.fold == fold
-            if out.any() and not out.all():
-                predicted[out] = self.rows[out] @ solve(self.rows[~out], self.target[~out])
+        for out in self.folds:
+            predicted[out] = self.rows[out] @ solve(self.rows[~out], self.target[~out])
         return predicted
+
+    @property
+    def folds(self) -> list[Booleans]:
+        """Return the rows of each fold that has rows and leaves others."""
+        chosen = [self.fold == fold for fold in range(FOLDS)]
+        return [out for out in chosen if out.any() and not out.all()]
 
 
 def path_of(motion: Motion) -> MotionPath:
@@ -108,9 +116,12 @@ def smooth_values(learnt: LearntMap, columns: MapColumns) -> Solve:
         columns: its columns.
     """
     penalty = _penalty(learnt)
+    folds = [(out, columns.rows[out], *_normal(columns.rows[~out], columns.target[~out])) for out in columns.folds]
 
     def error(weight: float) -> float:
-        predicted = columns.predicted(lambda rows, target: _solve(rows, target, weight * penalty))
+        predicted = np.zeros(len(columns.target))
+        for out, rows, normal, moment in folds:
+            predicted[out] = rows @ _solution(normal, moment, weight * penalty)
         return float(np.sum((columns.target - predicted) ** 2))
 
     weight = min(SMOOTHNESS, key=error)
@@ -133,10 +144,25 @@ def _penalty(empty: LearntMap) -> Floats:
     return total + _RIDGE * np.eye(len(total))
 
 
+def _normal(rows: Floats, target: Floats) -> tuple[Floats, Floats]:
+    """Return the normal matrix of least squares and its right-hand side."""
+    return rows.T @ rows, rows.T @ target
+
+
 def _solve(rows: Floats, target: Floats, penalty: Floats) -> Floats:
-    """Return the values of the penalised least-squares fit; those that no data determine stay between the others."""
-    normal = rows.T @ rows
+    """Return the values of the penalised least-squares fit."""
+    return _solution(*_normal(rows, target), penalty)
+
+
+def _solution(normal: Floats, moment: Floats, penalty: Floats) -> Floats:
+    """Return the values of a penalised least-squares fit; those that no data determine stay between the others.
+
+    Args:
+        normal: normal matrix of the fit, shape (k, k).
+        moment: its right-hand side, shape (k,).
+        penalty: shape (k, k).
+    """
     scale = float(np.trace(normal)) / len(normal)
-    values = np.linalg.solve(normal + max(scale, 1e-300) * penalty, rows.T @ target)
+    values = np.linalg.solve(normal + max(scale, 1e-300) * penalty, moment)
     reached = values[np.diag(normal) > _RIDGE * scale]
     return np.asarray(np.clip(values, reached.min(), reached.max()) if len(reached) else values)

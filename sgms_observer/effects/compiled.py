@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import accumulate
 
 import numpy as np
 
-from sgms_observer.arrays import Floats
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.effects import kernels
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.effect import Effect, EffectSettings, Place
@@ -16,6 +17,11 @@ from sgms_observer.errors import ConfigurationError
 
 SCRATCH = 16
 """Length of the ``out`` array ``kernels.effects_step`` needs."""
+
+
+def _starts(groups: Iterable[Sequence[float]]) -> Ints:
+    """Return where each group starts in the row of all groups, and where the last one ends."""
+    return np.array([0, *accumulate(map(len, groups))], dtype=np.int64)
 
 
 class CompiledEffects:
@@ -53,10 +59,10 @@ class CompiledEffects:
             dtype=np.int64,
         )
         self.parameters = np.array([value for group in values for value in group], dtype=np.float64)
-        self.p_at = np.concatenate([[0], np.cumsum([len(group) for group in values])]).astype(np.int64)
+        self.p_at = _starts(values)
         states = [self._initial(entry, value) for entry, value in zip(entries, values, strict=True)]
         self._initial_state = np.array([value for group in states for value in group], dtype=np.float64)
-        self.s_at = np.concatenate([[0], np.cumsum([len(group) for group in states])]).astype(np.int64)
+        self.s_at = _starts(states)
         self.user = compile_user_effects(users)
         places = {entry.place for entry in entries}
         has_moving_mass = any(entry.place is Place.PLANT and entry.advance is not None for entry in entries)
@@ -117,12 +123,15 @@ class CompiledEffects:
         force, factor = np.zeros(n), np.ones(n)
         if self.has_force_or_level:
             zero = np.zeros(n)
-            kernels.effects_block(
-                self.kinds, self.p_at, self.s_at, self.parameters, state, self.user,
+            # numba compiles the kernel again for every mixture of whole and strided arrays, which takes 2 s
+            q, v, a, t, u, dt, sliding, v2, a2 = map(np.ascontiguousarray, (
                 position, velocity, acceleration, time, effort, period, level,
                 zero if other_velocity is None else other_velocity,
                 zero if other_acceleration is None else other_acceleration,
-                np.zeros(SCRATCH), force, factor,
+            ))  # fmt: skip
+            kernels.effects_block(
+                self.kinds, self.p_at, self.s_at, self.parameters, state, self.user,
+                q, v, a, t, u, dt, sliding, v2, a2, np.zeros(SCRATCH), force, factor,
             )  # fmt: skip
         return force, factor
 

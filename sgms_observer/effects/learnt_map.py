@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import sparse
 
 from sgms_observer.arrays import Floats
 from sgms_observer.effects import map_kernel
@@ -16,6 +15,9 @@ from sgms_observer.effects.map_entries import GRIDS, size_of
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.formulas.learnt_map import COORDINATES
 from sgms_observer.jit import njit
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 
 @dataclass(frozen=True)
@@ -179,6 +181,8 @@ class LearntMap:
 
     def basis(self, path: MotionPath) -> sparse.csr_matrix:
         """Return the matrix that gives the force along a path from the values, without the scale [-], shape (n, k)."""
+        from scipy import sparse  # only offline work needs it; the nodes start without
+
         q, v, a, t = path.columns()
         count, size = len(q), len(self.values)
         first, step = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)

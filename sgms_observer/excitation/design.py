@@ -17,12 +17,15 @@ Dette 1997, Designing experiments with respect to 'standardized' optimality crit
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
 from sgms_observer.arrays import Booleans, Floats, Ints
+
+Result = TypeVar("Result")
 
 _STEEPNESS = 4.0
 """Exponent of the mean that replaces the smallest efficiency: it is smooth, so that single segments can be compared."""
@@ -116,6 +119,7 @@ class Design:
     def __init__(self, goals: Sequence[Goal], durations: Floats, seconds: float) -> None:
         self.goals, self.durations, self.seconds = list(goals), durations, seconds
         self.best = [goal.best_alone(seconds, durations) for goal in self.goals]
+        self._results: dict[tuple[str, bytes], Any] = {}
 
     def value(self, counts: Floats) -> Floats:
         """Return the criterion of references.
@@ -131,8 +135,8 @@ class Design:
 
     def choose(self) -> Choice:
         """Return the segments: greedily by gain per second, then exchanged while that helps."""
-        counts = self._filled(np.zeros(len(self.durations), dtype=np.int64))
-        value = float(self.value(counts.astype(float)))
+        counts: Ints = self._once(self._filled, np.zeros(len(self.durations), dtype=np.int64))
+        value = self._once(self._value_of, counts)
         for _ in range(_PASSES):
             before = value
             for number in range(len(counts)):
@@ -141,8 +145,8 @@ class Design:
                     other[number] = max(0, other[number] + copies)
                     if other[number] == counts[number]:
                         continue
-                    other = self._filled(self._shortened(other))
-                    new = float(self.value(other.astype(float)))
+                    other = self._once(self._filled, self._once(self._shortened, other))
+                    new = self._once(self._value_of, other)
                     if new > value + _GAIN:
                         counts, value = other, new
             if value <= before + _GAIN:
@@ -152,6 +156,23 @@ class Design:
         )
         return Choice(counts, efficiency)
 
+    def _once(self, work: Callable[[Ints], Result], counts: Ints) -> Result:
+        """Return a result from memory where the same segments came before: four of five exchanges end where others did.
+
+        Args:
+            work: one of the methods below.
+            counts: its argument.
+        """
+        key = (work.__name__, counts.tobytes())
+        if key not in self._results:
+            self._results[key] = work(counts)
+        found: Result = self._results[key]
+        return found
+
+    def _value_of(self, counts: Ints) -> float:
+        """Return the criterion of one reference."""
+        return float(self.value(counts.astype(float)))
+
     def _shortened(self, counts: Ints) -> Ints:
         """Remove the segments with the least information per second until the rest fits into the time."""
         counts = counts.copy()
@@ -159,14 +180,14 @@ class Design:
             held = np.flatnonzero(counts)
             trial = np.repeat(counts[None, :].astype(float), len(held), axis=0)
             trial[np.arange(len(held)), held] -= 1.0
-            lost = float(self.value(counts.astype(float))) - self.value(trial)
+            lost = self._value_of(counts) - self.value(trial)
             counts[held[int(np.argmin(lost / self.durations[held]))]] -= 1
         return counts
 
     def _filled(self, counts: Ints) -> Ints:
         """Add segments as long as one fits."""
         counts = counts.copy()
-        here = float(self.value(counts.astype(float)))
+        here = self._value_of(counts)
         while True:
             free = self.seconds - float(counts @ self.durations)
             fitting = np.flatnonzero(self.durations <= free)

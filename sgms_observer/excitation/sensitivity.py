@@ -19,6 +19,7 @@ from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
+from sgms_observer.filters.zero_phase import zero_phase
 from sgms_observer.formulas import vectorised
 from sgms_observer.identification.prepared import MOTION_OVER_BALANCE
 from sgms_observer.identification.problem import ElementShape, friction_and_slopes
@@ -174,7 +175,7 @@ class Sensitivity:
         Args:
             columns: forces [N], shape (n,) or (n, k).
         """
-        filtered = signal.sosfiltfilt(self._sections, columns, axis=0)[:: self.stride]
+        filtered = zero_phase(self._sections, columns)[:: self.stride]
         return np.asarray(filtered * (self._weights if columns.ndim == 1 else self._weights[:, None]))
 
     def errors(self) -> Floats:
@@ -185,12 +186,12 @@ class Sensitivity:
         """
         corner = min(2.0 * _LOWER_CORNER * MOTION_OVER_BALANCE * self.band * self.period, 0.9)
         sections = signal.butter(4, corner, output="sos")
-        smooth = signal.sosfiltfilt(sections, self.position)
+        smooth = zero_phase(sections, self.position)
         exact = self._elements(smooth, self._factor)[0]
         noisy = np.zeros(len(exact))
         for seed in range(_DRAWS):
             noise = np.random.default_rng(seed).normal(0.0, self.axis.filter.position_noise, len(exact))
-            noisy += self._elements(smooth + signal.sosfiltfilt(sections, noise), self._factor)[0] / _DRAWS
+            noisy += self._elements(smooth + zero_phase(sections, noise), self._factor)[0] / _DRAWS
         return self.rows(np.column_stack([exact - self.friction, noisy - exact]))
 
     def parameters(self) -> Parameters:

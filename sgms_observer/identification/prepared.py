@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.errors import DataError
+from sgms_observer.filters.zero_phase import zero_phase
 from sgms_observer.identification.effect_terms import EffectForce, EffectTerms
 from sgms_observer.offline.recording import Recording
 
@@ -28,7 +29,7 @@ MIN_PERIODS = 80.0
 """Shortest recording, in periods of the cutoff."""
 
 _ORDER = 4
-_COLUMNS = 8  # that are filtered at once
+_COLUMNS = 16  # that are filtered at once
 _WORKING_RATE = 10.0  # samples of the driving position per period of its corner
 _ROW_RATE = 8.0  # rows of the balance per period of its corner
 _BORDER = 4.0  # of the filter's time constants 1/cutoff dropped at either end
@@ -73,7 +74,7 @@ class Prepared:
         """Return the rows of signals at the working rate, through the balance's zero-phase low-pass."""
         if values.ndim == 2 and values.shape[1] > _COLUMNS:  # the filter copies its input several times
             return np.hstack([self.low_pass(values[:, k : k + _COLUMNS]) for k in range(0, values.shape[1], _COLUMNS)])
-        return np.asarray(signal.sosfiltfilt(self.sections, values, axis=0)[:: self.stride])
+        return np.asarray(zero_phase(self.sections, values)[:: self.stride])
 
     def settled(self, slip_deflection: float) -> Booleans:
         """Return the usable rows after the elements have forgotten their initial state.
@@ -122,11 +123,11 @@ def _prepare(recording: Recording, cutoff: float, terms: EffectTerms, first: flo
     both = np.concatenate([motion_filter, _low_pass(cutoff, rate)])
     measured = transforming.corrected_position(recording.position)
     effort = transforming.arrived_effort(recording.effort, transforming.initial_state())
-    position = signal.sosfiltfilt(motion_filter, measured)
+    position = zero_phase(motion_filter, measured)
     step = max(1, int(rate / (_WORKING_RATE * motion_cutoff) + 1e-6))
     period = recording.period * step
     stride = max(1, int(1.0 / (_ROW_RATE * cutoff * period) + 1e-6))
-    smooth = signal.sosfiltfilt(both, measured)
+    smooth = zero_phase(both, measured)
     velocity: Floats = np.gradient(smooth) / recording.period
     acceleration: Floats = np.gradient(velocity) / recording.period
     keep = slice(None, None, step * stride)
@@ -136,7 +137,7 @@ def _prepare(recording: Recording, cutoff: float, terms: EffectTerms, first: flo
     usable[border:-border] = True
     driving = np.ascontiguousarray(position[::step])
     other = recording.other_position
-    other = None if other is None else np.asarray(signal.sosfiltfilt(motion_filter, other)[::step])
+    other = None if other is None else np.asarray(zero_phase(motion_filter, other)[::step])
     return Prepared(
         name=recording.name,
         period=period,
@@ -146,13 +147,13 @@ def _prepare(recording: Recording, cutoff: float, terms: EffectTerms, first: flo
         time=time,
         velocity=velocity[keep],
         acceleration=acceleration[keep],
-        effort=CubicSpline(time, signal.sosfiltfilt(both, effort)[keep]),
+        effort=CubicSpline(time, zero_phase(both, effort)[keep]),
         usable=usable,
         effects=EffectForce.along(
             terms.fitted,
             period,
             driving,
-            np.ascontiguousarray(signal.sosfiltfilt(motion_filter, effort)[::step]),
+            np.ascontiguousarray(zero_phase(motion_filter, effort)[::step]),
             other,
             first,
         ),

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import matplotlib
@@ -16,6 +17,7 @@ import numpy as np
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import TightLayoutEngine
 from matplotlib.ticker import AutoLocator
 
 from sgms_observer.arrays import Floats, Ints
@@ -54,9 +56,9 @@ _STYLE: dict[Any, Any] = {
 
 _STILL_SHARE, _MIN_STILL_POINTS = 0.1, 300
 """Points of a line in the still picture, of those of the plot; at least one for each point of its width."""
-_MORE_DIGITS = re.compile(r"(\d\.\d\d)\d+")
+_MORE_DIGITS = re.compile(r"(?<=\d\.\d\d)\d+")
 """A coordinate of a drawing with more digits than show: a hundredth of a point is a fiftieth of a pixel."""
-_SPACES = re.compile(r"\s*([A-Z])\s*")
+_SPACES = re.compile(r"\s+(?=[A-Z])|(?<=[A-Z])\s+")
 """Blanks around the letters of a path, which need none."""
 
 
@@ -101,7 +103,7 @@ def sheet(
         share: ``sharex`` and the like, for matplotlib.
 
     Yields:
-        The sheet to draw on; afterwards its ``picture`` holds SVG and PNG.
+        The sheet to draw on; afterwards its ``picture`` holds the SVG, and draws the PNG if it is asked for.
     """
     with pyplot.rc_context({**_STYLE, "svg.hashsalt": name}):
         figure, grid = pyplot.subplots(rows, columns, figsize=(_WIDTH * columns, height * rows), squeeze=False, **share)
@@ -115,14 +117,23 @@ def sheet(
                                 ncols=_legend_columns(labels), handlelength=1.4, columnspacing=1.0)  # fmt: skip
                 if isinstance(axes.xaxis.get_major_locator(), AutoLocator):
                     axes.locator_params(axis="x", nbins=_MOST_TICKS)
-            figure.tight_layout(pad=0.5)
-            figure.tight_layout(pad=0.5)  # the first one may change the ticks, and with them the width of their labels
-            png, svg = io.BytesIO(), io.StringIO()
-            figure.savefig(png, format="png", dpi=_PNG_DPI)
+            # Not figure.tight_layout(): it leaves a layout engine, for which savefig draws every picture twice.
+            layout = TightLayoutEngine(pad=0.5)
+            layout.execute(figure)
+            layout.execute(figure)  # the first one may change the ticks, and with them the width of their labels
+            svg = io.StringIO()
             figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-            drawn.drawn = Picture(name, caption, _of_the_page(svg.getvalue(), name, caption), png.getvalue())
+            drawn.drawn = Picture(name, caption, _of_the_page(svg.getvalue(), name, caption), partial(_png, figure))
         finally:
             pyplot.close(figure)
+
+
+def _png(figure: Figure) -> bytes:
+    """Return a figure as a PNG file."""
+    png = io.BytesIO()
+    with pyplot.rc_context(_STYLE):
+        figure.savefig(png, format="png", dpi=_PNG_DPI)
+    return png.getvalue()
 
 
 def _legend_columns(labels: Sequence[str]) -> int:
@@ -155,7 +166,7 @@ def _of_the_page(svg: str, name: str, caption: str) -> str:
 
 def _shortened(path: str) -> str:
     """Return a path with two digits behind the point and no needless blanks, which is half as long."""
-    return _SPACES.sub(r"\1", _MORE_DIGITS.sub(r"\1", path))
+    return _SPACES.sub("", _MORE_DIGITS.sub("", path))
 
 
 @dataclass(frozen=True)

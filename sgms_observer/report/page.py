@@ -57,13 +57,18 @@ class Picture:
         name: short name, also of the PNG beside the page.
         caption: what it shows, in one sentence.
         svg: the drawing as the page carries it: text is text, and colours are those of the page.
-        png: the same on white, for the file beside the page.
+        draw_png: returns the same on white, for the file beside the page; most pages have no such files.
     """
 
     name: str
     caption: str
     svg: str
-    png: bytes
+    draw_png: Callable[[], bytes]
+
+    @cached_property
+    def png(self) -> bytes:
+        """Return the drawing as a PNG file."""
+        return self.draw_png()
 
 
 MAX_POINTS = 20_000

@@ -6,9 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from sklearn.ensemble import HistGradientBoostingRegressor
 from workflow_case import AXIS, evaluation_of, record
 
 from sgms_observer.diagnosis.candidates import Candidate
+from sgms_observer.diagnosis.coordinates import coordinates_of
 from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
 from sgms_observer.diagnosis.decision import (
     decide,
@@ -31,7 +33,7 @@ from sgms_observer.diagnosis.evidence import (
     preference,
 )
 from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, limits
-from sgms_observer.diagnosis.free_form import ALL, free_form
+from sgms_observer.diagnosis.free_form import ALL, LEAF_TIME, TREES, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import VISCOUS, Model
 from sgms_observer.diagnosis.motion import EffortLag, Motion, motion_of
@@ -186,6 +188,22 @@ def test_nothing_predicts_noise_and_the_ceiling_sees_what_hangs_on_the_speed(has
         surely = found.improvement.share if found.improvement.z_score > CRITERIA.min_z_score else 0.0
         assert (surely > 0.6) == is_seen
         assert is_seen or surely == 0.0
+
+
+def test_the_regression_over_bins_is_the_one_over_the_coordinates_themselves() -> None:
+    learn, held = moved(), moved(seed=2)
+    known, wanted = coordinates_of(learn, ALL), coordinates_of(held, ALL)
+    target = np.cos(known[:, 2] / np.std(known[:, 2])) + 0.2 * np.random.default_rng(4).normal(size=len(known))
+    weights = np.random.default_rng(5).uniform(0.2, 1.0, len(known))
+    weights[:200] = 0.0
+    assert min(counts := [len(np.unique(column)) for column in known.T]) < 255 < max(counts)  # both kinds of bins
+    evaluated = WeightedResidual([held], [np.zeros(len(wanted))], [np.ones(len(wanted))])
+    found = free_form(ALL, WeightedResidual([learn], [target], [weights]), evaluated, CRITERIA, 1)
+    leaf = max(20, min(round(LEAF_TIME / learn.residual_period), len(known) // 20))
+    direct = HistGradientBoostingRegressor(
+        max_iter=TREES, learning_rate=0.06, min_samples_leaf=leaf, early_stopping=False, random_state=1
+    )
+    assert np.array_equal(found.predicted[0], direct.fit(known, target, weights**2).predict(wanted))
 
 
 def test_a_name_is_earned_where_a_free_form_term_over_its_coordinates_does_no_better() -> None:

@@ -16,6 +16,9 @@ PREFIX = "Warning: "
 ELSEWHERE = ("nodes",)
 """Folders whose sentences `node_sentences` reads."""
 
+CHECKS = ("check.py", "bag_comparison.py")
+"""Files that yield their sentences."""
+
 NOT_MESSAGES = {
     "axis … moves between … and … for … s, at up to … and",
     "not diagnosed yet",
@@ -75,7 +78,7 @@ def _sentences(path: Path) -> Iterator[str]:
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             yield from _texts(node.value) if any(_name(target) in LISTS for target in targets) else ()
         elif isinstance(node, ast.keyword | ast.Yield) and node.value is not None:
-            is_message = node.arg in LISTS if isinstance(node, ast.keyword) else path.name == "check.py"
+            is_message = node.arg in LISTS if isinstance(node, ast.keyword) else path.name in CHECKS
             yield from _texts(node.value) if is_message else ()
         elif isinstance(node, ast.FunctionDef) and re.search(RETURNED, node.name):
             for one in ast.walk(node):

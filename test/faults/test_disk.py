@@ -44,7 +44,7 @@ from pathlib import Path
 from sgms_observer.errors import SgmsError
 from sgms_observer.report.page import Page, Picture, Section, write_page
 try:
-    picture = Picture("large", "a picture", "<svg></svg>", b"x" * 400_000)
+    picture = Picture("large", "a picture", "<svg></svg>", lambda: b"x" * 400_000)
     write_page(Page("title", "verdict", [Section("part", pictures=[picture])]), Path(sys.argv[1]))
 except SgmsError as error:
     sys.exit(str(error))
