@@ -78,7 +78,7 @@ def contact_slopes(nominal: Model, logs: Floats, motion: Motion) -> Floats:
         shape, factor, parts.sides,
     )  # fmt: skip
     by_logs = _by_logs(nominal, logs, model, shared)[:, -len(contact_parameters(nominal)) :]
-    columns = np.ascontiguousarray((slopes @ by_logs).T)
+    columns = (slopes @ by_logs).T  # the columns lie side by side in memory, as the low-pass needs them
     if model.relaxation > 0.0:
         columns += model.relaxation * np.gradient(columns, motion.period, axis=1)
     if not parts.on_path:

@@ -52,7 +52,7 @@ class MapColumns:
         rows, folds = [], []
         for motion, weight in zip(rest.motions, rest.weights, strict=True):
             basis = learnt.basis(path_of(motion)).toarray()
-            rows.append(weight[:, None] * np.column_stack([motion.low_pass(column) for column in basis.T]))
+            rows.append(weight[:, None] * motion.low_pass(basis.T).T)
             folds.append((motion.thinned(motion.time) / FOLD_TIME).astype(np.int64) % FOLDS)
         return cls(np.vstack(rows), np.concatenate(rest.weighted), np.concatenate(folds))
 
