@@ -287,10 +287,12 @@ class Screen:
             return None
         left = self.without_nominal(raw)
         independent_share = float(np.linalg.norm(left)) / norm
-        is_independent = np.abs(np.diag(np.linalg.qr(left)[1])) >= 1.0e-6 * norm
+        q, r = np.linalg.qr(left)
+        is_independent = np.abs(np.diag(r)) >= 1.0e-6 * norm
         if not is_independent.any():
             return None
-        q, r = np.linalg.qr(left[:, is_independent])
+        if not is_independent.all():
+            q, r = np.linalg.qr(left[:, is_independent])
         to_coefficients = np.zeros((len(is_independent), len(r)))
         to_coefficients[is_independent] = np.linalg.inv(r)
         return Columns(shape, q, to_coefficients, independent_share, norm)
