@@ -13,7 +13,13 @@ STICKS, SLIPS = range(2)  # branches of a step, for ``gms_step_in_branch``
 
 
 @njit_bare
-def gms_step_with_slopes(
+def gms_decay(period: float, stribeck: float, rate: float) -> float:
+    """Return the share of an element's distance from its limit that a step of slip leaves; arguments as below."""
+    return math.exp(-rate * period / stribeck)
+
+
+@njit_bare
+def gms_step_with_decay(
     force: float,
     mode: int,
     velocity: float,
@@ -22,8 +28,9 @@ def gms_step_with_slopes(
     fraction: float,
     stribeck: float,
     rate: float,
+    decay: float,
 ) -> tuple[float, int, float, float, float]:
-    """Advance one element's force and mode by one step of constant velocity.
+    """Advance one element's force and mode by one step of constant velocity, with a decay that all elements share.
 
     Args:
         force: element force kappa z before the step [N].
@@ -34,6 +41,7 @@ def gms_step_with_slopes(
         fraction: nu [-].
         stribeck: s(v) [N].
         rate: attraction parameter C [N/s].
+        decay: ``gms_decay`` of the step, or a negative number to compute it only where the element slips [-].
 
     Returns:
         force after the step [N], mode after the step; derivatives of the force with respect to the force before
@@ -51,10 +59,26 @@ def gms_step_with_slopes(
             return stuck, 0, 1.0, velocity * period, 0.0
         if direction * (force - steady) <= 0.0:
             return steady, direction, 0.0, 0.0, direction * fraction
-    decay = math.exp(-rate * period / stribeck)
+    if decay < 0.0:
+        decay = gms_decay(period, stribeck, rate)
     distance = force - steady
     slope = direction * fraction * (1.0 - decay) + distance * decay * rate * period / (stribeck * stribeck)
     return steady + distance * decay, direction, decay, 0.0, slope
+
+
+@njit_bare
+def gms_step_with_slopes(
+    force: float,
+    mode: int,
+    velocity: float,
+    period: float,
+    stiffness: float,
+    fraction: float,
+    stribeck: float,
+    rate: float,
+) -> tuple[float, int, float, float, float]:
+    """Advance one element's force and mode by one step; arguments and results as of ``gms_step_with_decay``."""
+    return gms_step_with_decay(force, mode, velocity, period, stiffness, fraction, stribeck, rate, -1.0)
 
 
 @njit_bare
