@@ -19,6 +19,7 @@ from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
 from sgms_observer.effects.kernels import MINIMUM_LEVEL_FACTOR
+from sgms_observer.effects.memoryless import is_memoryless, output_along
 from sgms_observer.formulas import vectorised
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
 
@@ -398,12 +399,7 @@ def _corrected_motion(
         force = np.zeros(n)
 
         def force_of(item: EffectSettings) -> Floats:
-            one = CompiledEffects((item,), motion.period)
-            found, _factor = one.evaluate(
-                position, velocity, moved, motion.time, motion.effort, np.full(n, motion.period), level,
-                one.initial_state(), motion.other_velocity, motion.other_acceleration,
-            )  # fmt: skip
-            return found
+            return _force_and_factor(item, motion, position, velocity, moved, level)[0]
 
         for item in others:
             sliding = level_values if item.name in NEED_SLIDING_FORCE else ()
@@ -429,13 +425,9 @@ def factor_on_sliding_force(parts: Parts, sliding_force: Floats, motion: Motion)
     corrected, factor = parts.corrected, np.ones(len(sliding_force))
 
     def factor_of(item: EffectSettings) -> Floats:
-        effects = CompiledEffects((item,), motion.period)
-        _force, found = effects.evaluate(
-            corrected.position, corrected.velocity, corrected.acceleration, motion.time, motion.effort,
-            np.full(len(sliding_force), motion.period), sliding_force, effects.initial_state(), motion.other_velocity,
-            motion.other_acceleration,
-        )  # fmt: skip
-        return found
+        return _force_and_factor(
+            item, motion, corrected.position, corrected.velocity, corrected.acceleration, sliding_force
+        )[1]
 
     for item in parts.on_sliding_force:
         if item.name == ASYMMETRIC_COULOMB:
@@ -443,6 +435,32 @@ def factor_on_sliding_force(parts: Parts, sliding_force: Floats, motion: Motion)
         is_cacheable = not corrected.has_position and is_built_in(item.name) and item.name not in NEED_SLIDING_FORCE
         factor = factor * (motion.cached("factor", item, partial(factor_of, item)) if is_cacheable else factor_of(item))
     return np.maximum(factor, MINIMUM_LEVEL_FACTOR)
+
+
+def _force_and_factor(
+    item: EffectSettings, motion: Motion, position: Floats, velocity: Floats, acceleration: Floats, level: Floats
+) -> tuple[Floats, Floats]:
+    """Return the force [N] and the factor on the sliding force [-] of one effect along a motion, shape (n,) each.
+
+    Args:
+        item: the effect.
+        motion: the recording.
+        position, velocity, acceleration: its motion, corrected by other effects [m, m/s, m/s^2].
+        level: sliding force without effects [N].
+    """
+    entry, count = effect(item.name), len(position)
+    if is_memoryless(entry):
+        found = output_along(entry, item.values or entry.defaults, {
+            "q": position, "v": velocity, "a": acceleration, "t": motion.time, "u": motion.effort, "level": level,
+            "v2": motion.other_velocity, "a2": motion.other_acceleration,
+        })  # fmt: skip
+        is_force = entry.place is Place.ADDED_FORCE
+        return (found, np.ones(count)) if is_force else (np.zeros(count), np.maximum(found, MINIMUM_LEVEL_FACTOR))
+    effects = CompiledEffects((item,), motion.period)
+    return effects.evaluate(
+        position, velocity, acceleration, motion.time, motion.effort, np.full(count, motion.period), level,
+        effects.initial_state(), motion.other_velocity, motion.other_acceleration,
+    )  # fmt: skip
 
 
 def compensated_for_hold(acceleration: Floats) -> Floats:
