@@ -14,7 +14,10 @@ STICKS, SLIPS = range(2)  # branches of a step, for ``gms_step_in_branch``
 
 @njit_bare
 def gms_decay(period: float, stribeck: float, rate: float) -> float:
-    """Return the share of an element's distance from its limit that a step of slip leaves; arguments as below."""
+    """Return the share of an element's distance from its limit that a step of slip leaves [-].
+
+    Args: as ``gms_step_with_slopes``.
+    """
     return math.exp(-rate * period / stribeck)
 
 
@@ -30,24 +33,13 @@ def gms_step_with_decay(
     rate: float,
     decay: float,
 ) -> tuple[float, int, float, float, float]:
-    """Advance one element's force and mode by one step of constant velocity, with a decay that all elements share.
+    """Advance one element's force and mode by one step, with a decay that all elements share.
 
-    Args:
-        force: element force kappa z before the step [N].
-        mode: 0 while the element sticks, else the direction in which it slips.
-        velocity: velocity over the step [m/s].
-        period: step h [s].
-        stiffness: kappa [N/m].
-        fraction: nu [-].
-        stribeck: s(v) [N].
-        rate: attraction parameter C [N/s].
+    Args: as ``gms_step_with_slopes``, but
         decay: ``gms_decay`` of the step, or a negative number to compute it only where the element slips [-].
 
     Returns:
-        force after the step [N], mode after the step; derivatives of the force with respect to the force before
-        [-], the stiffness [m] and s [-].
-
-    Source: Boegli et al., eqs 1-2; an element that reaches its limit mid-step slips from there, on the limit.
+        As ``gms_step_with_slopes``.
     """
     if velocity == 0.0:
         return force, mode, 1.0, 0.0, 0.0
@@ -77,7 +69,24 @@ def gms_step_with_slopes(
     stribeck: float,
     rate: float,
 ) -> tuple[float, int, float, float, float]:
-    """Advance one element's force and mode by one step; arguments and results as of ``gms_step_with_decay``."""
+    """Advance one element's force and mode by one step of constant velocity.
+
+    Args:
+        force: element force kappa z before the step [N].
+        mode: 0 while the element sticks, else the direction in which it slips.
+        velocity: velocity over the step [m/s].
+        period: step h [s].
+        stiffness: kappa [N/m].
+        fraction: nu [-].
+        stribeck: s(v) [N].
+        rate: attraction parameter C [N/s].
+
+    Returns:
+        force after the step [N], mode after the step; derivatives of the force with respect to the force before
+        [-], the stiffness [m] and s [-].
+
+    Source: Boegli et al., eqs 1-2; an element that reaches its limit mid-step slips from there, on the limit.
+    """
     return gms_step_with_decay(force, mode, velocity, period, stiffness, fraction, stribeck, rate, -1.0)
 
 
