@@ -28,7 +28,8 @@ def output_along(entry: Effect, values: Sequence[float], signals: Mapping[str, F
     Args:
         entry: the effect.
         values: of its parameters.
-        signals: its inputs by the names in ``effect.INPUTS``, shape (n,) each; no formula without state needs ``h``.
+        signals: its inputs by the names in ``effect.INPUTS``, shape (n,) each; none of these formulas
+            needs ``h`` or ``level``.
     """
     formula = getattr(vectorised(entry.output.__module__), entry.output.__name__)
     known = {**signals, "p": values}
