@@ -6,7 +6,7 @@ import ctypes
 from contextlib import suppress
 
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's mallopt
-_KEPT = 256 * 2**20
+_KEPT = 64 * 2**20
 """Freed memory at the end of a heap above which it is returned [bytes]: more than the columns of one fit take."""
 _LARGEST = 32 * 2**20
 """Largest array from a heap [bytes], glibc's own limit; a larger one has pages of its own."""
