@@ -69,6 +69,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.diagnosis.report import sentence
     from sgms_observer.effects.catalogue import effect
     from sgms_observer.errors import ConfigurationError
+    from sgms_observer.freed_memory import keep_freed_memory
     from sgms_observer.whole_file import refuse_existing_files
 
     if not 0.0 < args.tolerance < 1.0:
@@ -88,6 +89,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.scheduler is not None:
         raise ConfigurationError(["--scheduler is for many diagnoses; add --each, or leave it out"])
     refuse_existing_files([Path(args.out) / name for name in FILES], args.overwrite)
+    keep_freed_memory()
     with Progress("diagnose", 1.0) as progress:
         done = diagnose_bags(request, progress.show)
     answer, gap, unit = done.answer, done.answer.gap, done.units.effort

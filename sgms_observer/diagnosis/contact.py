@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sgms_observer.arrays import Floats
-from sgms_observer.friction.gms import gms_step
+from sgms_observer.friction.gms import gms_decay, gms_step_with_decay
 from sgms_observer.friction.sgms import sgms_step
 from sgms_observer.jit import njit
 from sgms_observer.settings.axis import FrictionSettings
@@ -37,10 +37,11 @@ def _element_friction(
             gain = numbers[3]
             if numbers[4] > 0.5:
                 gain *= abs(velocity) / numbers[5]
+            decay = gms_decay(period, limit, numbers[6]) if numbers[0] > 0.5 else 0.0
             for i in range(n_z):
                 if numbers[0] > 0.5:
-                    force[i], mode[i] = gms_step(
-                        force[i], mode[i], velocity, period, kappa[i], fraction[i], limit, numbers[6]
+                    force[i], mode[i], _by_force, _by_stiffness, _by_level = gms_step_with_decay(
+                        force[i], mode[i], velocity, period, kappa[i], fraction[i], limit, numbers[6], decay
                     )
                 else:
                     force[i] = sgms_step(

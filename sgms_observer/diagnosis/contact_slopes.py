@@ -23,7 +23,6 @@ from sgms_observer.diagnosis.model import (
     phase_slopes,
     predict,
     step_speed,
-    stribeck,
 )
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.catalogue import effect, is_built_in
@@ -68,7 +67,7 @@ def contact_slopes(nominal: Model, logs: Floats, motion: Motion) -> Floats:
     friction, parts = model.friction, parts_of(model, motion)
     corrected, is_gms = parts.corrected, friction.model == "gms"
     speed = step_speed(corrected.position, motion.period)
-    factor = factor_on_sliding_force(parts, stribeck(friction, corrected.position, motion.period), motion)
+    factor = factor_on_sliding_force(parts, friction, motion)
     coulomb, level = friction.coulomb_force, np.array(friction.element_fraction) * friction.coulomb_force
     rate = friction.attraction_rate / coulomb if is_gms else 1.0 / UNSMOOTHED_SETTLING_TIME
     shared = np.array([friction.static_force / coulomb, friction.stribeck_velocity, rate])
@@ -78,7 +77,7 @@ def contact_slopes(nominal: Model, logs: Floats, motion: Motion) -> Floats:
         shape, factor, parts.sides,
     )  # fmt: skip
     by_logs = _by_logs(nominal, logs, model, shared)[:, -len(contact_parameters(nominal)) :]
-    columns = np.ascontiguousarray((slopes @ by_logs).T)
+    columns = (slopes @ by_logs).T  # the columns lie side by side in memory, as the low-pass needs them
     if model.relaxation > 0.0:
         columns += model.relaxation * np.gradient(columns, motion.period, axis=1)
     if not parts.on_path:

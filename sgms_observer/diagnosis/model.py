@@ -19,6 +19,7 @@ from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
 from sgms_observer.effects.kernels import MINIMUM_LEVEL_FACTOR
+from sgms_observer.effects.memoryless import is_memoryless, output_along
 from sgms_observer.formulas import vectorised
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
 
@@ -245,7 +246,7 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
 
         def simulated() -> tuple[Floats, Floats]:
             sliding_force = stribeck(friction, corrected.position, motion.period)
-            factor = factor_on_sliding_force(parts, sliding_force, motion)
+            factor = factor_on_sliding_force(parts, friction, motion)
             return element_friction(
                 friction,
                 corrected.first,
@@ -261,10 +262,9 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         elements, stiffness = motion.cached("contact", key, simulated) if is_cacheable else simulated()
         sticking = stiffness / sum(friction.element_stiffness)
     else:
-        sliding_force = stribeck(friction, corrected.position, motion.period)
         elements = (
             fixed_friction
-            * factor_on_sliding_force(parts, sliding_force, motion)
+            * factor_on_sliding_force(parts, friction, motion)
             * np.where(corrected.velocity > 0.0, *sides)
         )
         sticking = np.zeros(0)
@@ -394,16 +394,10 @@ def _corrected_motion(
             acceleration = second_difference(position, motion.period)
             first, second = motion.contact_motion(raw)
         moved = compensated_for_hold(acceleration) if effects.added_mass != 0.0 else acceleration
-        level = stribeck(friction, position, motion.period)
         force = np.zeros(n)
 
         def force_of(item: EffectSettings) -> Floats:
-            one = CompiledEffects((item,), motion.period)
-            found, _factor = one.evaluate(
-                position, velocity, moved, motion.time, motion.effort, np.full(n, motion.period), level,
-                one.initial_state(), motion.other_velocity, motion.other_acceleration,
-            )  # fmt: skip
-            return found
+            return _force_and_factor(item, friction, motion, position, velocity, moved)[0]
 
         for item in others:
             sliding = level_values if item.name in NEED_SLIDING_FORCE else ()
@@ -424,25 +418,51 @@ def _corrected_motion(
     )
 
 
-def factor_on_sliding_force(parts: Parts, sliding_force: Floats, motion: Motion) -> Floats:
+def factor_on_sliding_force(parts: Parts, friction: FrictionSettings, motion: Motion) -> Floats:
     """Return the factor of effects on the sliding force, except the one that depends on the direction."""
-    corrected, factor = parts.corrected, np.ones(len(sliding_force))
+    corrected, factor = parts.corrected, np.ones(len(parts.corrected.position))
+    level_values = friction.static_force, friction.coulomb_force, friction.stribeck_velocity
 
     def factor_of(item: EffectSettings) -> Floats:
-        effects = CompiledEffects((item,), motion.period)
-        _force, found = effects.evaluate(
-            corrected.position, corrected.velocity, corrected.acceleration, motion.time, motion.effort,
-            np.full(len(sliding_force), motion.period), sliding_force, effects.initial_state(), motion.other_velocity,
-            motion.other_acceleration,
-        )  # fmt: skip
-        return found
+        return _force_and_factor(
+            item, friction, motion, corrected.position, corrected.velocity, corrected.acceleration
+        )[1]
 
     for item in parts.on_sliding_force:
         if item.name == ASYMMETRIC_COULOMB:
             continue
-        is_cacheable = not corrected.has_position and is_built_in(item.name) and item.name not in NEED_SLIDING_FORCE
-        factor = factor * (motion.cached("factor", item, partial(factor_of, item)) if is_cacheable else factor_of(item))
+        is_cacheable = not corrected.has_position and is_built_in(item.name)
+        key = (item, level_values if item.name in NEED_SLIDING_FORCE else ())
+        factor = factor * (motion.cached("factor", key, partial(factor_of, item)) if is_cacheable else factor_of(item))
     return np.maximum(factor, MINIMUM_LEVEL_FACTOR)
+
+
+def _force_and_factor(
+    item: EffectSettings, friction: FrictionSettings, motion: Motion, position: Floats, velocity: Floats,
+    acceleration: Floats,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Return the force [N] and the factor on the sliding force [-] of one effect along a motion, shape (n,) each.
+
+    Args:
+        item: the effect.
+        friction: settings of the contact, for an effect that depends on the sliding force.
+        motion: the recording.
+        position, velocity, acceleration: its motion, corrected by other effects [m, m/s, m/s^2].
+    """
+    entry, count = effect(item.name), len(position)
+    if is_memoryless(entry):
+        found = output_along(entry, item.values or entry.defaults, {
+            "q": position, "v": velocity, "a": acceleration, "t": motion.time, "u": motion.effort,
+            "v2": motion.other_velocity, "a2": motion.other_acceleration,
+        })  # fmt: skip
+        is_force = entry.place is Place.ADDED_FORCE
+        return (found, np.ones(count)) if is_force else (np.zeros(count), np.maximum(found, MINIMUM_LEVEL_FACTOR))
+    effects = CompiledEffects((item,), motion.period)
+    return effects.evaluate(
+        position, velocity, acceleration, motion.time, motion.effort, np.full(count, motion.period),
+        stribeck(friction, position, motion.period), effects.initial_state(), motion.other_velocity,
+        motion.other_acceleration,
+    )  # fmt: skip
 
 
 def compensated_for_hold(acceleration: Floats) -> Floats:

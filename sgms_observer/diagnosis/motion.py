@@ -20,6 +20,7 @@ from scipy import ndimage, signal
 
 from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.errors import DataError
+from sgms_observer.filters.zero_phase import zero_phase
 from sgms_observer.jit import njit
 from sgms_observer.offline.recording import Recording, Recordings
 
@@ -126,7 +127,7 @@ class Motion:
 
     def smoothed(self, raw: Floats) -> Floats:
         """Return a position as recorded, filtered like ``position`` [m]."""
-        return np.asarray(signal.sosfiltfilt(self.smoothing, raw)[:: self.step], dtype=np.float64)
+        return zero_phase(self.smoothing, raw)[:: self.step]
 
     def contact_motion(self, raw: Floats) -> tuple[Floats, Floats]:
         """Return ``first`` and ``second`` for another position as recorded."""
@@ -134,8 +135,7 @@ class Motion:
 
     def low_pass(self, values: Floats) -> Floats:
         """Return ``values`` below the band, at the rate of residuals, edges dropped; shape (n,) or (k, n)."""
-        filtered = signal.sosfiltfilt(_band_filter(self.period, self.band), values)
-        return np.asarray(filtered[..., self._residual_samples], dtype=np.float64)
+        return zero_phase(_band_filter(self.period, self.band), values.T)[self._residual_samples].T
 
     def thinned(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Return ``values`` at the samples of ``low_pass``."""

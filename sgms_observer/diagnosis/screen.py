@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from sgms_observer.diagnosis.whitened import WhitenedData
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Effect, Place
-from sgms_observer.formulas import vectorised
+from sgms_observer.effects.memoryless import output_along
 from sgms_observer.settings.axis import EffectSettings
 
 SIMULATED_EFFECTS = ("asymmetric_coulomb",)
@@ -287,10 +286,12 @@ class Screen:
             return None
         left = self.without_nominal(raw)
         independent_share = float(np.linalg.norm(left)) / norm
-        is_independent = np.abs(np.diag(np.linalg.qr(left)[1])) >= 1.0e-6 * norm
+        q, r = np.linalg.qr(left)
+        is_independent = np.abs(np.diag(r)) >= 1.0e-6 * norm
         if not is_independent.any():
             return None
-        q, r = np.linalg.qr(left[:, is_independent])
+        if not is_independent.all():
+            q, r = np.linalg.qr(left[:, is_independent])
         to_coefficients = np.zeros((len(is_independent), len(r)))
         to_coefficients[is_independent] = np.linalg.inv(r)
         return Columns(shape, q, to_coefficients, independent_share, norm)
@@ -337,12 +338,9 @@ class Screen:
 
     def _thin_parts(self, entry: Effect, values: tuple[float, ...]) -> list[Floats]:
         """Return the part of that column in each recording."""
-        formula = getattr(vectorised(entry.output.__module__), entry.output.__name__)
-        wanted = inspect.signature(formula).parameters
         parts = []
         for noise, weights, thin in zip(self.data.noise, self.data.weights, self._thin, strict=True):
-            known = {**thin, "p": values}
-            result = formula(*(known[key] for key in wanted))
+            result = output_along(entry, values, thin)
             force = thin["friction"] * (result - 1.0) if entry.place is Place.LEVEL_FACTOR else result
-            parts.append(noise.whitened(-np.broadcast_to(force, thin["q"].shape), weights))
+            parts.append(noise.whitened(-force, weights))
         return parts

@@ -13,6 +13,52 @@ STICKS, SLIPS = range(2)  # branches of a step, for ``gms_step_in_branch``
 
 
 @njit_bare
+def gms_decay(period: float, stribeck: float, rate: float) -> float:
+    """Return the share of an element's distance from its limit that a step of slip leaves [-].
+
+    Args: as ``gms_step_with_slopes``.
+    """
+    return math.exp(-rate * period / stribeck)
+
+
+@njit_bare
+def gms_step_with_decay(
+    force: float,
+    mode: int,
+    velocity: float,
+    period: float,
+    stiffness: float,
+    fraction: float,
+    stribeck: float,
+    rate: float,
+    decay: float,
+) -> tuple[float, int, float, float, float]:
+    """Advance one element's force and mode by one step, with a decay that all elements share.
+
+    Args: as ``gms_step_with_slopes``, but
+        decay: ``gms_decay`` of the step, or a negative number to compute it only where the element slips [-].
+
+    Returns:
+        As ``gms_step_with_slopes``.
+    """
+    if velocity == 0.0:
+        return force, mode, 1.0, 0.0, 0.0
+    direction = 1 if velocity > 0.0 else -1
+    steady = direction * fraction * stribeck
+    if mode != direction:
+        stuck = force + stiffness * velocity * period
+        if direction * (stuck - steady) < 0.0:
+            return stuck, 0, 1.0, velocity * period, 0.0
+        if direction * (force - steady) <= 0.0:
+            return steady, direction, 0.0, 0.0, direction * fraction
+    if decay < 0.0:
+        decay = gms_decay(period, stribeck, rate)
+    distance = force - steady
+    slope = direction * fraction * (1.0 - decay) + distance * decay * rate * period / (stribeck * stribeck)
+    return steady + distance * decay, direction, decay, 0.0, slope
+
+
+@njit_bare
 def gms_step_with_slopes(
     force: float,
     mode: int,
@@ -41,20 +87,7 @@ def gms_step_with_slopes(
 
     Source: Boegli et al., eqs 1-2; an element that reaches its limit mid-step slips from there, on the limit.
     """
-    if velocity == 0.0:
-        return force, mode, 1.0, 0.0, 0.0
-    direction = 1 if velocity > 0.0 else -1
-    steady = direction * fraction * stribeck
-    if mode != direction:
-        stuck = force + stiffness * velocity * period
-        if direction * (stuck - steady) < 0.0:
-            return stuck, 0, 1.0, velocity * period, 0.0
-        if direction * (force - steady) <= 0.0:
-            return steady, direction, 0.0, 0.0, direction * fraction
-    decay = math.exp(-rate * period / stribeck)
-    distance = force - steady
-    slope = direction * fraction * (1.0 - decay) + distance * decay * rate * period / (stribeck * stribeck)
-    return steady + distance * decay, direction, decay, 0.0, slope
+    return gms_step_with_decay(force, mode, velocity, period, stiffness, fraction, stribeck, rate, -1.0)
 
 
 @njit_bare
