@@ -78,7 +78,7 @@ def with_effect(effects: Sequence[EffectSettings], start: EffectSettings) -> tup
 
 def with_free_effect(setup: RefitSetup, name: str) -> RefitSetup:
     """Return the setup in which an effect of the file is free."""
-    return replace(setup, fixed_effects=setup.fixed_effects - {name})
+    return replace(setup, held_effects=setup.held_effects - {name})
 
 
 def first_fit(setup: RefitSetup, before: Refit, start: EffectSettings, columns: Floats) -> Refit:

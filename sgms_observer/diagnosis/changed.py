@@ -77,10 +77,13 @@ def changed_values(diagnosis: Diagnosis, fit: Refit, options: Options) -> tuple[
         listed.append(Changed("friction.element_damping (sum)", 0.0, total, 0.0, closes))
     if (fit.model.is_unsmoothed or new.model == "gms") and not (diagnosis.nominal.is_unsmoothed or old.model == "gms"):
         listed.append(Changed("friction.model", old.model, "gms", 0.0, closes))
+    held = diagnosis.written.setup.held_effects
     file_values = {item.name: item.values for item in diagnosis.file_effects}
     for (place, number), error in fit.standard_errors().items():
         item = fit.effects[place]
         parameter, after = effect(item.name).parameters[number], float(item.values[number])
+        if item.name in held:  # it is within its tolerance
+            continue
         if item.name in file_values:
             before = float(file_values[item.name][number])
         elif item.name in diagnosis.unnamed_contact_effects and parameter.is_strength:

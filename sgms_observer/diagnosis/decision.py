@@ -260,7 +260,7 @@ def physical_tests(item: Candidate, ratio: float, evaluation: EvaluationData) ->
         )
     if settings.name == "actuator_delay":
         shortest = values["delay"] * (1.0 - least / max(ratio, least))
-        lag = min(min(motion.lag.values) for motion in evaluation.fit_motions) + shortest * rate
+        lag = shortest_lag(evaluation) + shortest * rate
         tests.append(
             at_least(item.name, "shortest likely lag of the effort over sample period", lag, MAX_LAG_WITHOUT_DELAY)
         )
@@ -273,6 +273,11 @@ def physical_tests(item: Candidate, ratio: float, evaluation: EvaluationData) ->
             )
         )  # fmt: skip
     return tests
+
+
+def shortest_lag(evaluation: EvaluationData) -> float:
+    """Return the shortest lag that the effort of the fitted recordings is read with [samples]."""
+    return min(min(motion.lag.values) for motion in evaluation.fit_motions)
 
 
 def strength(item: Candidate, held: Set[int] = frozenset()) -> float:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,7 +168,7 @@ class _Problem:
     unit, or the logarithm of that.
 
     Args:
-        data, nominal, tolerance, effects, fixed, freedom, workers: as in ``refit``.
+        data, nominal, tolerance, effects, fixed, within, freedom, workers: as in ``refit``.
     """
 
     def __init__(
@@ -177,6 +178,7 @@ class _Problem:
         tolerance: float,
         effects: Sequence[EffectSettings],
         fixed: Sequence[tuple[int, int]],
+        within: Mapping[tuple[int, int], tuple[float, float]],
         freedom: Freedom,
         workers: int,
     ) -> None:
@@ -191,6 +193,7 @@ class _Problem:
             plausible_range(effects[i].name, catalogue[i].parameters[j].name, data.motions, nominal)
             for i, j in self.free
         ]
+        ranges = [within.get(index, one) for index, one in zip(self.free, ranges, strict=True)]
         self._minimum = np.array([max(one.minimum, low) for one, (low, _) in zip(parameters, ranges, strict=True)])
         self._maximum = np.array([min(one.maximum, high) for one, (_, high) in zip(parameters, ranges, strict=True)])
         stroke = float(np.ptp(np.concatenate([motion.position for motion in data.motions])))
@@ -198,12 +201,20 @@ class _Problem:
         self._by_logarithm = np.array(
             [one.name in FITTED_BY_LOGARITHM and one.minimum > 0.0 for one in parameters], dtype=bool
         )
+        self._held = np.array([k for k, index in enumerate(self.free) if index in within], dtype=np.int64)
+        self._held_middle = self._coordinates(0.5 * (self._minimum + self._maximum))[self._held]
+        self._held_widths = (self._coordinates(self._maximum)[self._held] - self._held_middle) / np.sqrt(3.0)
         bound = limits(nominal, tolerance, freedom)
         self.low = np.concatenate([-bound, self._coordinates(self._minimum)])
         self.high = np.concatenate([bound, self._coordinates(self._maximum)])
         if any(item.name in PARTS_OF_SLIDING_FORCE for item in effects):
             self.low[[COULOMB, STATIC]] = -1.0
         self._last = (np.zeros(0), np.zeros(0))
+
+    @property
+    def prior_count(self) -> int:
+        """Return the number of prior rows."""
+        return self.count + len(self._held)
 
     def _coordinates(self, values: Floats) -> Floats:
         """Return the coordinates of values of the free effect parameters."""
@@ -239,8 +250,9 @@ class _Problem:
         return self._last[1]
 
     def _prior(self, x: Floats, effects: Sequence[EffectSettings]) -> Floats:
-        """Return the prior rows."""
-        return total_force_logs(x[: self.count], self.nominal, effects) / self.widths
+        """Return the prior rows: of the nominal parameters, then of effects that stay within the tolerance."""
+        of_nominal = total_force_logs(x[: self.count], self.nominal, effects) / self.widths
+        return np.concatenate([of_nominal, (x[self.count + self._held] - self._held_middle) / self._held_widths])
 
     def jacobian(self, x: Floats, wanted: Booleans, nominal_columns: Floats | None) -> Floats:
         """Return the derivatives of ``residual``, by differences except for the contact.
@@ -254,7 +266,8 @@ class _Problem:
         columns = np.zeros((len(here), len(x)))
         known: Sequence[int] = self.in_contact
         if nominal_columns is not None:
-            columns[:, : self.count] = np.vstack([nominal_columns, np.diag(1.0 / self.widths)])
+            of_held = np.zeros((len(self._held), self.count))
+            columns[:, : self.count] = np.vstack([nominal_columns, np.diag(1.0 / self.widths), of_held])
             known = range(self.count)
         elif known and wanted[known].any():
             columns[:, known] = self._contact_columns(x)
@@ -296,6 +309,7 @@ def refit(
     effects: Sequence[EffectSettings] = (),
     start: Floats | None = None,
     fixed: Sequence[tuple[int, int]] = (),
+    within: Mapping[tuple[int, int], tuple[float, float]] = MappingProxyType({}),
     evaluations: int = MAX_EVALUATIONS,
     nominal_columns: Floats | None = None,
     freedom: Freedom = Freedom(),
@@ -314,6 +328,7 @@ def refit(
         effects: effects to add, at their start values.
         start: start of the logarithms; zero if None.
         fixed: (effect, parameter) pairs that keep their value.
+        within: bounds of (effect, parameter) pairs, narrower than their plausible ranges.
         evaluations: largest number of evaluated models; 1 for the derivatives at the start only.
         nominal_columns: derivatives of the whitened residual with respect to the nominal parameters, if they are
             known: they hardly change while an effect is fitted.
@@ -324,7 +339,7 @@ def refit(
     Returns:
         The fit.
     """
-    problem = _Problem(data, nominal, tolerance, effects, fixed, freedom, workers)
+    problem = _Problem(data, nominal, tolerance, effects, fixed, within, freedom, workers)
     x = problem.start(start)
     moves = problem.low < problem.high
     moves[: problem.count] &= not is_nominal_held
@@ -352,8 +367,8 @@ def refit(
         moved = model.effects[len(model.effects) - len(moved) :]
     n = problem.count
     return Refit(
-        model, x[:n].copy(), moved, here[: len(here) - n], 0.5 * float(here @ here), jacobian, problem.units(x),
-        problem.free, is_converged,
+        model, x[:n].copy(), moved, here[: len(here) - problem.prior_count], 0.5 * float(here @ here), jacobian,
+        problem.units(x), problem.free, is_converged,
     )  # fmt: skip
 
 
@@ -384,7 +399,7 @@ class RefitSetup:
         nominal: the given model.
         tolerance: tolerance of its parameters.
         freedom: nominal parameters that may move beyond the tolerance.
-        fixed_effects: effects of the file that keep their values.
+        held_effects: effects of the file whose values stay within the tolerance.
         file_effects: all effects of the file, with its values.
         workers: number of threads for the derivatives of one fit.
     """
@@ -393,7 +408,7 @@ class RefitSetup:
     nominal: Model
     tolerance: float
     freedom: Freedom = Freedom()
-    fixed_effects: frozenset[str] = frozenset()
+    held_effects: frozenset[str] = frozenset()
     file_effects: tuple[EffectSettings, ...] = ()
     workers: int = 1
 
@@ -416,7 +431,9 @@ class RefitSetup:
             is_nominal_held: whether the nominal parameters keep their start.
             evaluations: largest number of evaluated models; 1 for the derivatives at the start only.
         """
-        all_fixed = [*(fixed_parameters(effects) if fixed is None else fixed), *self.fixed_effect_parameters(effects)]
+        within = self.ranges_of_held_effects(effects)
+        of_file = [(i, j) for i, e in enumerate(effects) if e.name in self.held_effects for j in range(len(e.values))]
+        all_fixed = [*(fixed_parameters(effects) if fixed is None else fixed), *(set(of_file) - set(within))]
         return refit(
             self.data,
             self.nominal,
@@ -424,6 +441,7 @@ class RefitSetup:
             effects,
             start,
             all_fixed,
+            within,
             evaluations,
             columns,
             self.freedom,
@@ -449,11 +467,21 @@ class RefitSetup:
         given = {item.name: item for item in self.file_effects}
         if name not in given:
             return self, tuple(item for item in effects if item.name != name)
-        setup = replace(self, fixed_effects=self.fixed_effects | {name})
+        setup = replace(self, held_effects=self.held_effects | {name})
         return setup, tuple(given[name] if item.name == name else item for item in effects)
 
-    def fixed_effect_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
-        """Return the parameters of ``fixed_effects``, (effect, parameter)."""
-        return [
-            (i, j) for i, item in enumerate(effects) if item.name in self.fixed_effects for j in range(len(item.values))
-        ]
+    def ranges_of_held_effects(self, effects: Sequence[EffectSettings]) -> dict[tuple[int, int], tuple[float, float]]:
+        """Return the range of each strength and angle of ``held_effects`` within the tolerance, (effect, parameter).
+
+        An angle may be wrong by as many radians as a strength by its share: that moves the force as far.
+        """
+        given = {item.name: item.values for item in self.file_effects}
+        never = set(fixed_parameters(effects))
+        ranges = {}
+        for i, item in enumerate(effects):
+            for j, one in enumerate(effect(item.name).parameters if item.name in self.held_effects else ()):
+                value = given[item.name][j]
+                width = self.tolerance * (1.0 if one.unit == "rad" else abs(value))
+                if (one.is_strength or one.unit == "rad") and width > 0.0 and (i, j) not in never:
+                    ranges[i, j] = value - width, value + width
+        return ranges

@@ -12,12 +12,14 @@ from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.candidates import finish_fit, with_effect, with_free_effect
 from sgms_observer.diagnosis.closed_gap import Closed, ClosedGap
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
-from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import (
+    MAX_LAG_WITHOUT_DELAY,
     Decision,
     compare,
     needs_visible_contact,
     preferred,
+    shortest_lag,
     within_range,
     z_score_between,
 )
@@ -43,6 +45,8 @@ MASS_ERROR, ACTUATOR_GAIN = "mass_error", "actuator_gain"
 """Effects on values of the file."""
 INERTIAL = (MASS_ERROR, "flexible_mode")
 """Effects whose force is that of a mass."""
+PLACING = ("pitch", "center", "width")
+"""Parameters that place an effect along the stroke. A rest position does not: it is an offset over a stiffness."""
 
 
 def without_redundant_effects(
@@ -255,6 +259,11 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
             ),
             at_least(name, "gap as reported beside the others: z-score", closed.z_score, criteria.interval_z_score),
         ]  # fmt: skip
+        errors = _errors_of_places(name, written)
+        if errors:
+            stroke = float(np.ptp(np.concatenate([motion.position for motion in closed_gap.evaluation.fit_motions])))
+            title = "90 % interval of a pitch, place or width over the stroke"
+            tests.append(at_most(name, title, 2.0 * criteria.interval_z_score * max(errors) / stroke, 1.0))
         if name in (MASS_ERROR, ACTUATOR_GAIN):
             beyond = _size_beyond_tolerance(name, closed_gap)
             title = "size beyond the tolerance of the file over its standard error"
@@ -263,7 +272,8 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
         if in_response is not None:
             most = in_response.value + criteria.interval_z_score * in_response.error
             title = "largest likely share of the delay in the response to the reference"
-            tests.append(at_least(name, title, most, criteria.min_imitable_share))
+            least = max(criteria.min_imitable_share, _share_beyond_lag(name, written.after, closed_gap.evaluation))
+            tests.append(at_least(name, title, most, least))
         if needs_visible_contact(name):
             title = "strength over its error with any significant scatter between recordings"
             strength = written.strength_over_error(name, criteria.interval_z_score)
@@ -274,6 +284,35 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
                 closed = closed_gap.closed_by_instead_of_contact_law(name)
             tests.append(_test_in_place_of_contact_law(name, closed, in_response, criteria))
     return tests
+
+
+def _errors_of_places(name: str, written: WrittenFits) -> list[float]:
+    """Return the standard error of each fitted parameter that places an effect along the stroke [m].
+
+    A shape that the stroke does not determine is none: a slope or a constant does as well.
+
+    Args:
+        name: the effect.
+        written: fits with it.
+    """
+    place = [item.name for item in written.after.effects].index(name)
+    parameters = effect(name).parameters
+    placing = {(place, j) for j, one in enumerate(parameters) if one.name in PLACING and one.acts_on == "position"}
+    errors = zip(written.estimates.free, written.estimates.errors[0].tolist(), strict=True)
+    return [error for index, error in errors if index in placing]
+
+
+def _share_beyond_lag(name: str, fit: Refit, evaluation: EvaluationData) -> float:
+    """Return the share of a delay from which the effort lags by more than a held effort and inexact stamps make.
+
+    Args:
+        name: the delay.
+        fit: fit with it.
+        evaluation: the recordings.
+    """
+    (delay,) = next(item.values for item in fit.effects if item.name == name)
+    rate = min(motion.step / motion.period for motion in evaluation.fit_motions)
+    return (MAX_LAG_WITHOUT_DELAY - shortest_lag(evaluation)) / max(delay * rate, 1.0e-300)
 
 
 def _test_in_place_of_contact_law(name: str, closed: Closed, in_response: Share | None, criteria: Criteria) -> Test:

@@ -32,8 +32,9 @@ MIN_MASS_SHARE = 0.1
 def plausible_range(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:
     """Return the range in which an effect differs from other effects in these recordings.
 
-    A ripple with a pitch above the stroke is a slope. A spring with a far rest position is an offset. A wear step wider
-    than the travel is a drift. A memory shorter than the slip deflection is a part of the contact.
+    A ripple with a pitch above the stroke is a slope. A spring with a far rest position is an offset. A tight spot
+    beyond the stroke is a slope too, and one wider than the stroke another Coulomb force. A wear step wider than the
+    travel is a drift. A memory shorter than the slip deflection is a part of the contact.
     """
     position = np.concatenate([motion.position for motion in motions])
     stroke = float(np.ptp(position))
@@ -54,6 +55,10 @@ def plausible_range(name: str, parameter: str, motions: Sequence[Motion], nomina
         return 0.0, float(np.sqrt(np.mean(np.square(np.concatenate([motion.effort for motion in motions])))))
     if parameter == "rest_position":
         return float(position.min()) - 0.5 * stroke, float(position.max()) + 0.5 * stroke
+    if name == "position_dependent_friction" and parameter == "center":
+        return float(position.min()), float(position.max())
+    if name == "position_dependent_friction" and parameter == "width":  # half of it: one standard deviation
+        return 0.0, 0.5 * stroke
     if name == "wear_step" and parameter == "width":
         return 0.0, MAX_WEAR_WIDTH_SHARE * max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
     if name == "thermal_drift" and parameter == "time_constant":

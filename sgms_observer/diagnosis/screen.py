@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -99,6 +99,7 @@ class Screen:
         freedom: nominal parameters that may move beyond the tolerance.
         names: screened effects.
         workers: number of threads.
+        held: effects of the file within its tolerance. Their columns are not projected out: they may lie beyond it.
     """
 
     def __init__(
@@ -109,6 +110,7 @@ class Screen:
         freedom: Freedom,
         names: Sequence[str],
         workers: int = 1,
+        held: Set[str] = frozenset(),
     ) -> None:
         model = current.model
         self.data, self.model, self.tolerance = data, model, tolerance
@@ -138,12 +140,12 @@ class Screen:
             logs = np.zeros(len(widths))
             logs[k] = DERIVATIVE_STEP
             self.nominal_columns[:, k] = (data.residual(model.shifted(logs)) - self.residual) / DERIVATIVE_STEP
-        self._prior = 1.0 / widths
-        self._prior_residual = current.logs / widths
-        stacked = np.vstack([self.nominal_columns, np.diag(self._prior)])
         n = len(widths)
-        if current.jacobian.shape[1] > n:
-            moving = current.jacobian[:, n:]
+        self._prior_residual = current.logs / widths
+        stacked = np.vstack([self.nominal_columns, np.diag(1.0 / widths)])
+        columns = [n + k for k, (i, _) in enumerate(current.free) if current.effects[i].name not in held]
+        if columns:
+            moving = current.jacobian[: len(stacked), columns]
             moving = moving[:, np.linalg.norm(moving, axis=0) > 1.0e-9]
             stacked = np.column_stack([stacked, moving])
         self._nominal_basis = np.linalg.qr(stacked)[0]
@@ -153,7 +155,9 @@ class Screen:
 
     def without_nominal(self, values: Floats, prior: Floats | None = None) -> Floats:
         """Return whitened columns, with prior rows, projected onto the complement of the nominal columns."""
-        padded = np.concatenate([values, np.zeros((len(self._prior), *values.shape[1:])) if prior is None else prior])
+        padded = np.concatenate(
+            [values, np.zeros((len(self._prior_residual), *values.shape[1:])) if prior is None else prior]
+        )
         return np.asarray(padded - self._nominal_basis @ (self._nominal_basis.T @ padded))
 
     def residual_without_nominal(self) -> Floats:

@@ -116,7 +116,7 @@ def fitted_file(
     fine = _without_effects(axis).with_split_elements()
     setup = RefitSetup(
         data_with_own_noise(learn, fine.with_effects(known_effects)), fine, options.tolerance,
-        fixed_effects=frozenset(item.name for item in known_effects), file_effects=known_effects,
+        held_effects=frozenset(item.name for item in known_effects), file_effects=known_effects,
         workers=options.workers,
     )  # fmt: skip
     state = FitState(
@@ -377,7 +377,9 @@ def _search(
             if not _leaves_a_sure_prediction(found.rounds[-1]):
                 return replace(found, states=(*found.states[:-1], state))
         earlier = evidence_of(current, evaluation)
-        screen = Screen(setup.data, current, options.tolerance, setup.freedom, names, options.workers)
+        screen = Screen(
+            setup.data, current, options.tolerance, setup.freedom, names, options.workers, setup.held_effects
+        )
         report("full fits", share + 0.02)
         one_thread = replace(setup, workers=1)  # one hypothesis per thread
         others = [partial(changed_candidate, one_thread, current, one) for one in changed if can_be_freed(setup, one)]

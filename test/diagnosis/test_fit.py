@@ -59,12 +59,27 @@ def test_held_values_stay_and_have_derivatives() -> None:
     assert np.all(np.any(found.jacobian != 0.0, axis=0))
 
 
-def test_without_an_effect_of_the_file_the_file_keeps_its_value() -> None:
+@pytest.mark.parametrize(
+    ("amplitude", "phase", "ends_at"),
+    [(0.77, 1.03, (0.8, 1.0)), (0.7, 0.9, (0.735, 0.95))],
+    ids=["within the tolerance", "at its end"],
+)
+def test_strengths_and_angles_of_the_file_follow_the_recording_within_the_tolerance(
+    amplitude: float, phase: float, ends_at: tuple[float, float]
+) -> None:
+    given = EffectSettings("cogging", (amplitude, 0.004, phase, 0.0, 0.0))
+    setup = replace(setup_for(COGGING), file_effects=(given,), held_effects=frozenset({"cogging"}))
+    found = setup.fit((given,)).effects[0].values
+    assert found[0] == pytest.approx(ends_at[0], abs=0.015) and found[2] == pytest.approx(ends_at[1], abs=0.015)
+    assert found[1] == 0.004 and found[3:] == (0.0, 0.0)
+
+
+def test_without_an_effect_of_the_file_it_stays_within_its_tolerance() -> None:
     """A changed value that does not last goes back to the file's; an added effect goes away."""
     given, changed = EffectSettings("offset", (0.5,)), EffectSettings("offset", (0.8,))
     setup = replace(setup_for(COGGING), file_effects=(given,))
     alone, effects = setup.without("offset", (changed, COGGING))
-    assert effects == (given, COGGING) and alone.fixed_effects == {"offset"}
-    assert alone.fit(effects, None, PHASE).effects[0] == given
+    assert effects == (given, COGGING) and alone.held_effects == {"offset"}
+    assert alone.fit(effects, None, [(1, 2), (1, 3), (1, 4)]).effects[0].values == pytest.approx((0.475,))
     alone, effects = setup.without("cogging", (changed, COGGING))
     assert effects == (changed,) and alone is setup

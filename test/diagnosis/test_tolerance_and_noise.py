@@ -15,8 +15,12 @@ from sgms_observer.diagnosis.criteria import at_least
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import RefitSetup
+from sgms_observer.diagnosis.instruments import Share
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.ranges import plausible_range
+from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
@@ -65,6 +69,75 @@ def test_within_the_tolerance_of_the_file_nothing_is_missing(
     (item,) = [item for number in rounds for item in number.decisions if item.candidate.name == hidden.name]
     assert not any(number.accepted for number in rounds)
     assert item.tests[-1].name.startswith(refused_by) and item.tests[-1].value < 0.0
+
+
+@pytest.mark.parametrize(("share", "angle", "named"), [(0.96, 0.43, []), (0.8, 0.4, ["gravity"])])
+def test_a_listed_effect_within_the_tolerance_is_no_finding(
+    share: float, angle: float, named: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An arm whose owner knows the gravity to 5 %: what is left of it looks like a spring or a cogging."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("gravity", "spring", "cogging", "offset"))
+    monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
+    hidden = EffectSettings("gravity", (20.0, 0.4, 1.0))
+    axis = replace(
+        AXIS, mass=0.1, joint_type="revolute", effects=(EffectSettings("gravity", (20.0 * share, angle, 1.0)),)
+    )
+    one, other = (record((hidden,), seed, 12.0, mass=0.1, period=0.004, scale=50.0) for seed in (1, 2))
+    options = Options(workers=1, band=25.0)
+    answer = answer_of(workflow.diagnose([one], [other], axis, options), axis, options)
+    assert [item.settings.name for item in answer.effects] == named
+    assert bool(answer.changed) is bool(named)
+    (gravity,) = [item for item in answer.model.effects if item.name == "gravity"]
+    assert gravity.values[:2] == pytest.approx((20.0, 0.4), rel=0.01)
+
+
+def test_a_shape_that_the_stroke_does_not_determine_has_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("cogging",))
+    monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
+    hidden = EffectSettings("cogging", (0.8, 0.02, 0.3, 0.0, 0.0))
+    one, other = (record((hidden,), seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
+    found = workflow.diagnose([one], [other], AXIS, Options(workers=1, band=25.0))
+    (item,) = [item.accepted for item in found.rounds if item.accepted]
+    (test,) = [test for test in item.tests if test.name.startswith("90 % interval of a pitch")]
+    assert test.passed and 0.0 < test.value < 0.1
+
+    def with_wide_pitch(*arguments: Any) -> RecordingEstimates:
+        estimates = recording_estimates(*arguments)
+        stroke = float(np.ptp(one.position))
+        is_pitch = [effect("cogging").parameters[j].name == "pitch" for _, j in estimates.free]
+        return replace(estimates, errors=np.where(is_pitch, 0.4 * stroke, estimates.errors))
+
+    monkeypatch.setattr(pruning, "recording_estimates", with_wide_pitch)
+    arguments = found.file_state, found.final_state, found.rounds, found.nominal, Options(workers=1, band=25.0)
+    rounds = pruning.without_insignificant_effects(*arguments)[1]
+    (tests,) = [item.tests for number in rounds for item in number.decisions if item.candidate.name == "cogging"]
+    assert not any(number.accepted for number in rounds)
+    assert tests[-1].name == test.name and tests[-1].value == pytest.approx(2.0 * 1.645 * 0.4, rel=0.01)
+
+
+def test_a_tight_spot_lies_within_the_stroke() -> None:
+    """Beyond its end it is a slope, and wider than the stroke another Coulomb force."""
+    motion = motion_of(record(duration=12.0))
+    low, high = float(motion.position.min()), float(motion.position.max())
+    ranges = [
+        plausible_range("position_dependent_friction", name, [motion], Model.of(AXIS)) for name in ("center", "width")
+    ]
+    assert ranges == [(low, high), (0.0, 0.5 * (high - low))]
+
+
+@pytest.mark.parametrize(("share", "is_named"), [(1.0, True), (0.55, False)])
+def test_what_the_response_shows_of_a_delay_has_to_exceed_the_lag_of_a_held_effort(
+    share: float, is_named: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More than half of it shows, but that is less than what a held effort and inexact stamps make."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("actuator_delay",))
+    monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
+    monkeypatch.setattr(pruning, "delay_in_response", lambda *_: Share(share, 0.001))
+    hidden = EffectSettings("actuator_delay", (8.0e-4,))
+    one, other = (record((hidden,), seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
+    axis = replace(AXIS, filter=replace(AXIS.filter, effort_is_held=True))
+    found = workflow.diagnose([one], [other], axis, Options(workers=1, band=25.0))
+    assert [one.name for one in accepted_candidates(found.rounds)] == (["actuator_delay"] if is_named else [])
 
 
 @pytest.mark.parametrize(
