@@ -34,9 +34,9 @@ def _step(
     z = c[5] * y + third
     return (
         z,
-        (c[1] * x + second) - c[3] * y,
+        c[1] * x - c[3] * y + second,
         c[2] * x - c[4] * y,
-        (c[6] * y + fourth) - c[8] * z,
+        c[6] * y - c[8] * z + fourth,
         c[7] * y - c[9] * z,
     )
 
