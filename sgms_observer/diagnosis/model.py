@@ -19,7 +19,7 @@ from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
 from sgms_observer.effects.kernels import MINIMUM_LEVEL_FACTOR
-from sgms_observer.effects.memoryless import is_memoryless, output_along
+from sgms_observer.effects.memoryless import is_same_over_arrays, output_along
 from sgms_observer.formulas import vectorised
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
 
@@ -450,7 +450,7 @@ def _force_and_factor(
         position, velocity, acceleration: its motion, corrected by other effects [m, m/s, m/s^2].
     """
     entry, count = effect(item.name), len(position)
-    if is_memoryless(entry):
+    if is_same_over_arrays(entry):
         found = output_along(entry, item.values or entry.defaults, {
             "q": position, "v": velocity, "a": acceleration, "t": motion.time, "u": motion.effort,
             "v2": motion.other_velocity, "a2": motion.other_acceleration,

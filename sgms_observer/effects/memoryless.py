@@ -15,11 +15,20 @@ from sgms_observer.effects.catalogue import is_built_in
 from sgms_observer.effects.effect import Effect, Place
 from sgms_observer.formulas import vectorised
 
+ROUNDED_OTHERWISE = ("nonlinear_viscous", "position_dependent_friction", "stribeck")
+"""Effects without state whose exponential or power numpy and the compiled switch round differently. A fit on another
+contact law amplifies the last bit, so these keep the switch where results are compared."""
 
-def is_memoryless(entry: Effect) -> bool:
-    """Return whether an effect of the catalogue is a force or a factor on the sliding force without state."""
+
+def is_same_over_arrays(entry: Effect) -> bool:
+    """Return whether numpy computes an effect along a recording to the same bits as the compiled switch.
+
+    Args:
+        entry: the effect. It has no state and is a force or a factor on the sliding force.
+    """
     is_force_or_factor = entry.place in (Place.ADDED_FORCE, Place.LEVEL_FACTOR)
-    return is_built_in(entry.name) and is_force_or_factor and entry.advance is None
+    has_state = entry.advance is not None
+    return is_built_in(entry.name) and is_force_or_factor and not has_state and entry.name not in ROUNDED_OTHERWISE
 
 
 def output_along(entry: Effect, values: Sequence[float], signals: Mapping[str, Floats]) -> Floats:
