@@ -20,6 +20,7 @@ from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import Gap, WeightedResidual, interval, residuals, rms
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
 from sgms_observer.diagnosis.homing import homing_warnings
+from sgms_observer.diagnosis.load_change import other_load
 from sgms_observer.diagnosis.locate import Located, locate
 from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import PERIODIC_DISTURBANCE, Model
@@ -133,6 +134,9 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
             _share_added_by_refit(data.rest(final.before), given, criteria), criteria.min_predictable_share,
         ),
     ]  # fmt: skip
+    load = None if diagnosis.is_poor or contradiction is not None else other_load(data, final.fit)
+    if load is not None:
+        trust.append(load.test)
     if diagnosis.is_contact_hidden:
         title = "gap over noise, where the encoder hides the contact"
         trust.append(at_most("model", title, over_noise, criteria.min_gap_over_floor))
@@ -152,8 +156,8 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     beyond_contact = []
     if not (unnamed_rest.passed or is_learnt or unnamed):
         beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
-    sliding = None
-    if whole.passed and not diagnosis.is_poor:
+    sliding, has_other_load = None, load is not None and not load.test.passed
+    if whole.passed and not (diagnosis.is_poor or has_other_load):
         sliding = sliding_residual(data, model, total, None if learnt else free)
     disturbance = sliding if sliding and sliding.is_disturbance else None
     verdict = verdict_of(
@@ -187,7 +191,10 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         ),
         doubtful=tuple(test for test in by_coordinates if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
-        warnings=_warnings(diagnosis, effects, gap, verdict, whole, unnamed_rest, noise_test, disturbance, axis.units),
+        warnings=(
+            *((load.warning(axis.units),) if load is not None and has_other_load else ()),
+            *_warnings(diagnosis, effects, gap, verdict, whole, unnamed_rest, noise_test, disturbance, axis.units),
+        ),
         model=model,
         diagnosis=diagnosis,
         motions=data.motions,
@@ -348,8 +355,8 @@ def _warnings(
         )
     if disturbance is not None:
         warnings.append(
-            "look for what moves the stage from outside (cables, compressed air, supply, floor):"
-            f" {disturbance.sentence(units)}. The observer follows such a force; no model can predict it"
+            "look for what moves the stage from outside (cables, compressed air, supply, floor), and at the log itself"
+            f" (stamps, clipped values): {disturbance.sentence(units)}. The observer follows such a force"
         )
     is_judged = whole.passed and rest.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden)
     if verdict == "cannot_tell" and is_judged and not over_noise.passed:

@@ -48,7 +48,7 @@ class SlidingResidual:
         """Return what it is in words."""
         when = "at times" if self.is_brief else "all the time"
         size = f"{self.force:.3g} {units.effort} rms ({self.over_noise:.2g} times the noise)"
-        return f"a force of {size} acts {when} and does not repeat"
+        return f"a force of {size} acts {when}, and no recorded signal predicts it"
 
 
 def sliding_residual(

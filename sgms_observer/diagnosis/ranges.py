@@ -64,8 +64,10 @@ def plausible_range(name: str, parameter: str, motions: Sequence[Motion], nomina
     if name == "thermal_drift" and parameter == "time_constant":
         length = max(float(motion.time[-1]) for motion in motions)
         return MIN_DRIFT_SHARE * length, MAX_DRIFT_SHARE * length
-    if name == "stribeck" and parameter == "velocity":  # a smaller velocity is the nominal Stribeck curve
-        return 2.5 * nominal.friction.stribeck_velocity, np.inf
+    if name == "stribeck" and parameter == "velocity":
+        # a smaller velocity is the nominal Stribeck curve, one above all that was recorded another Coulomb force
+        least = 2.5 * nominal.friction.stribeck_velocity
+        return least, max(least, *(float(np.max(np.abs(motion.velocity))) for motion in motions))
     if name == "frictional_lag" and parameter == "distance":
         return 0.05 * nominal.slip_deflection, np.inf
     if parameter == "attraction_rate":  # a smaller rate is not identifiable

@@ -315,7 +315,8 @@ def _best_search(
     The search adds one hypothesis at a time. A change of the contact has many parameters and may take the place of two
     effects, but only in part. Where such a change was preferred to an effect that passed every test, and more than
     noise is left, the search is repeated from there with effects before changes. That one counts if it predicts
-    significantly better, or if it leaves only noise and the first one does not predict significantly better.
+    significantly better, or if it leaves only noise, which is no more than the first one leaves, and the first one does
+    not predict significantly better.
     """
     listed, most = [item.name for item in known_effects], options.criteria.min_z_score
     first = _search(start, listed, options, report)
@@ -330,7 +331,8 @@ def _best_search(
     earlier, later = (
         evidence_of(finish_fit(one.setup, one.current), evaluation).all for one in (first.state, second.state)
     )
-    if evaluation.is_gap_closed(model):
+    least = min(evaluation.floor, evaluation.rms(first.state.current.model))
+    if replace(evaluation, floor=least).is_gap_closed(model):
         counts = improvement(later, earlier).z_score <= most
     else:
         counts = improvement(earlier, later).z_score > most

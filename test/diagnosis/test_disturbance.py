@@ -64,7 +64,7 @@ def test_a_force_from_outside_is_told_and_has_no_name(force: Force, when: str) -
     assert not answer.effects and not answer.learnt
     assert answer.disturbance is not None
     said = answer.disturbance.sentence(AXIS.units)
-    assert f"acts {when} and does not repeat" in said
+    assert f"acts {when}, and no recorded signal predicts it" in said
     assert said in sentence(answer, AXIS.units) and any(said in text for text in answer.warnings)
     assert answer.next_experiment is not None and "the same motion twice" in answer.next_experiment
 

@@ -38,6 +38,7 @@ NATURAL = {
     "z-score of a better prediction than logarithmic friction, where the contact slides fast": 0.0,
     "gap as reported, as a share of the effort": 1.0,
     "residual predictable over the coordinates of a contact / closed residual": 1.0,
+    "90 % interval of a pitch, place or width over the stroke": 1.0,
     "friction that reverses within one encoder step, over the static force": 1.0,
     "friction not cancelled by the feedforward: z-score of its growth": 3.0,
 }
