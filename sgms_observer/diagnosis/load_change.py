@@ -58,14 +58,16 @@ def other_load(data: GapData, fit: Refit) -> OtherLoad | None:
 
 def _load_of(data: GapData, fit: Refit, motion: Motion) -> OtherLoad | None:
     """Return one held-out recording beside the fitted ones, or None where its mass is not surely another."""
-    criteria, written = data.options.criteria, data.diagnosis.written
+    criteria, diagnosis = data.options.criteria, data.diagnosis
+    file_setup = replace(diagnosis.file_state.setup, nominal=diagnosis.nominal)
+    of_fit = file_setup if fit is diagnosis.written.before else diagnosis.written.setup
     start = next((item for item in fit.effects if item.name == MASS_ERROR), EffectSettings(MASS_ERROR, (0.0,)))
     effects = with_effect(fit.effects, start)
     shapes = [
         (i, j) for i, item in enumerate(effects) for j, one in enumerate(effect(item.name).parameters)
         if not one.is_strength
     ]  # fmt: skip
-    setup = replace(written.setup, held_effects=frozenset(), data=data_with_own_noise((motion,), fit.model))
+    setup = replace(of_fit, held_effects=frozenset(), data=data_with_own_noise((motion,), fit.model))
     alone = setup.fit(effects, fit.logs, [*fixed_parameters(effects), *shapes])
     place = [item.name for item in effects].index(MASS_ERROR)
     mass, fitted_mass = _moving_mass(alone.model), _moving_mass(fit.model)

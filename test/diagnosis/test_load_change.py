@@ -10,8 +10,12 @@ from workflow_case import AXIS, record
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import answer_of
 from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.gap_data import GapData
+from sgms_observer.diagnosis.load_change import other_load
+from sgms_observer.diagnosis.model import Model
 
 OPTIONS = Options(workers=1, band=25.0)
+FINE = Model.of(AXIS).with_split_elements()
 TITLE = "share of the squared gap that another load of the recording closes"
 
 
@@ -28,5 +32,10 @@ def test_a_held_out_recording_with_another_load_is_told(
     assert bool(told) is bool(failed) is is_other
     assert answer.verdict == ("cannot_tell" if is_other else "no_effect")
     if is_other:
+        # the same where the contact was changed, but the gap did not confirm it: the file then has other elements
+        written = replace(answer.diagnosis.written, setup=replace(answer.diagnosis.written.setup, nominal=FINE))
+        data = GapData.of(replace(answer.diagnosis, written=written), OPTIONS)
+        load = other_load(data, written.before)
+        assert load is not None and not load.test.passed
         assert "5 kg in those that were fitted, 6.5 kg in with_load" in told[0]
         assert not answer.disturbance
