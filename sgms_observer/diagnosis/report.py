@@ -123,14 +123,17 @@ def sentence(answer: Answer, units: Units) -> str:
     match answer.verdict:
         case "effect_found":
             those = "it" if len(answer.effects) == 1 else "them"
-            return f"The model misses {names}: with {those}, {shrink}."
+            return f"The model misses {names}: with {those}, {shrink}.{_remainder_in_words(answer)}"
         case "ambiguous":
             pairs = " and ".join(
                 f"{item.settings.name} from {' or '.join(item.alternatives)}".replace("_", " ")
                 for item in answer.effects
                 if item.alternatives
             )
-            return f"The model misses something like {names}, but these recordings cannot tell {pairs}; {shrink}."
+            return (
+                f"The model misses something like {names}, but these recordings cannot tell {pairs}; {shrink}."
+                f"{_remainder_in_words(answer)}"
+            )
         case "unknown_effect":
             if answer.disturbance and not answer.learnt:
                 outside = answer.disturbance.sentence(units)
@@ -155,6 +158,15 @@ def sentence(answer: Answer, units: Units) -> str:
             return (
                 f"Nothing is missing that these recordings could show; the gap is {gap.after:.3g} % of the rms effort."
             )
+
+
+def _remainder_in_words(answer: Answer) -> str:
+    """Return what is left beside the named effects as a sentence that follows another one; empty where nothing is."""
+    if not answer.learnt:
+        return ""
+    maps = "a learnt map" if len(answer.learnt) == 1 else "learnt maps"
+    left = f"with {maps} of it, {answer.gap_with_learnt:.3g} % is left"
+    return f" Beside that, something without a name is missing: {left}."
 
 
 def _learnt_in_words(answer: Answer) -> str:

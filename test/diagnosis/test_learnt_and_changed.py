@@ -222,6 +222,8 @@ def test_a_ripple_has_its_name_beside_a_map_of_the_rail_that_cannot_take_it(
     found = [item.settings.values[1] for item in answer.effects]
     assert found == ([pytest.approx(pitch, rel=0.01)] if is_named else [])
     assert answer.remainder == "learnt" and answer.learnt[0].coordinates[0] == "position"
+    told = f"something without a name is missing: with a learnt map of it, {answer.gap_with_learnt:.3g} % is left."
+    assert (told in sentence(answer, AXIS.units)) is is_named
 
 
 def slow_strokes(duration: float, seed: int, period: float) -> np.ndarray:

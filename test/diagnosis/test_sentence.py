@@ -16,7 +16,7 @@ def answer(verdict: str, **alternatives: tuple[str, ...]) -> Any:
     effects = [
         SimpleNamespace(settings=EffectSettings(name), alternatives=others) for name, others in alternatives.items()
     ]
-    return SimpleNamespace(verdict=verdict, gap=gap, effects=effects, located=())
+    return SimpleNamespace(verdict=verdict, gap=gap, effects=effects, located=(), learnt=())
 
 
 def test_names_are_listed_as_a_person_lists_them() -> None:
@@ -24,6 +24,15 @@ def test_names_are_listed_as_a_person_lists_them() -> None:
     assert one.startswith("The model misses cogging: with it, the gap on held-out data falls from 4 % to 2 %")
     three = sentence(answer("effect_found", cogging=(), actuator_delay=(), spring=()), LINEAR)
     assert three.startswith("The model misses cogging, actuator delay and spring: with them")
+
+
+def test_what_was_learnt_beside_a_name_is_said_with_what_it_leaves() -> None:
+    found = answer("effect_found", cogging=())
+    found.learnt, found.gap_with_learnt = (SimpleNamespace(), SimpleNamespace()), 1.234
+    assert sentence(found, LINEAR) == (
+        "The model misses cogging: with it, the gap on held-out data falls from 4 % to 2 % of the rms effort."
+        " Beside that, something without a name is missing: with learnt maps of it, 1.23 % is left."
+    )
 
 
 def test_what_cannot_be_told_is_said_of_the_effect_that_it_is_about() -> None:
