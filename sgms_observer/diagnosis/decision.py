@@ -22,7 +22,7 @@ from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.instruments import delay_in_response, is_shown, or_in_response
 from sgms_observer.diagnosis.map_fit import effect_and_map, maps_over
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, STRIBECK_VELOCITY, VISCOUS, Model
-from sgms_observer.diagnosis.motion import HELD_LAG
+from sgms_observer.diagnosis.motion import HELD_LAG, lowest_rate
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.diagnosis.sliding import sliding_shares
 from sgms_observer.diagnosis.whitened import data_with_noise_of, data_with_own_noise
@@ -251,7 +251,7 @@ def physical_tests(item: Candidate, ratio: float, evaluation: EvaluationData) ->
     least = evaluation.criteria.min_z_score
     tests = [at_least(item.name, "strength over its standard error", ratio, least)]
     values = dict(zip((p.name for p in effect(settings.name).parameters), settings.values, strict=True))
-    rate = min(motion.step / motion.period for motion in evaluation.fit_motions)
+    rate = lowest_rate(evaluation.fit_motions)
     if "frequency" in values:
         tests.append(
             at_most(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.candidates import with_effect
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.fit import Refit, fixed_parameters
@@ -25,7 +26,7 @@ class OtherLoad:
     Attributes:
         name: of the recording.
         fitted_mass, mass: moving mass of the fitted recordings and of this one [kg].
-        test: test that a load of its own closes no more of its gap than the model leaves anyway.
+        test: test that a load of its own closes at most half of its squared gap.
     """
 
     name: str
@@ -46,18 +47,25 @@ def other_load(data: GapData, fit: Refit) -> OtherLoad | None:
     """Return the held-out recording whose gap a load of its own closes most, or None where none surely has another.
 
     Mass and strengths of effects of the model are fitted to each recording alone; the friction stays within the
-    tolerance. A load counts where its mass differs by more than the tolerance, by more than its 90 % interval.
+    tolerance. A load counts where the whole 90 % interval of its mass lies beyond the tolerance.
 
     Args:
         data: recordings of the gap.
         fit: the model.
     """
-    found = [_load_of(data, fit, motion) for motion in data.motions] if data.has_held_out else []
+    recordings = zip(data.motions, data.whitened.weights, strict=True) if data.has_held_out else ()
+    found = [_load_of(data, fit, motion, weights) for motion, weights in recordings]
     return max((one for one in found if one), key=lambda one: one.test.value, default=None)
 
 
-def _load_of(data: GapData, fit: Refit, motion: Motion) -> OtherLoad | None:
-    """Return one held-out recording beside the fitted ones, or None where its mass is not surely another."""
+def _load_of(data: GapData, fit: Refit, motion: Motion, weights: Floats) -> OtherLoad | None:
+    """Return one held-out recording beside the fitted ones, or None where its mass is not surely another.
+
+    Args:
+        data, fit: as above.
+        motion: the recording.
+        weights: of its residual in the evidence.
+    """
     criteria, diagnosis = data.options.criteria, data.diagnosis
     file_setup = replace(diagnosis.file_state.setup, nominal=diagnosis.nominal)
     of_fit = file_setup if fit is diagnosis.written.before else diagnosis.written.setup
@@ -74,10 +82,8 @@ def _load_of(data: GapData, fit: Refit, motion: Motion) -> OtherLoad | None:
     error = alone.standard_errors().get((place, 0), 0.0)
     if abs(mass - fitted_mass) <= data.options.tolerance * fitted_mass + criteria.interval_z_score * error:
         return None
-    number = data.motions.index(motion)
     before, after = (
-        WeightedResidual((motion,), residuals(model, (motion,)), data.whitened.weights[number : number + 1]).rms
-        for model in (fit.model, alone.model)
+        WeightedResidual((motion,), residuals(model, (motion,)), (weights,)).rms for model in (fit.model, alone.model)
     )
     share = 1.0 - (after / before) ** 2 if before > 0.0 else 0.0
     title = "share of the squared gap that another load of the recording closes"

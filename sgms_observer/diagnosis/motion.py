@@ -8,7 +8,7 @@ recording has no lag.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from threading import Lock
@@ -437,3 +437,8 @@ def second_difference(position: Floats, period: float) -> Floats:
     """Return the acceleration [m/s^2]."""
     middle = (position[2:] - 2.0 * position[1:-1] + position[:-2]) / period**2
     return np.concatenate(([middle[0]], middle, [middle[-1]]))
+
+
+def lowest_rate(motions: Sequence[Motion]) -> float:
+    """Return the lowest sample rate of recordings [Hz]."""
+    return min(motion.step / motion.period for motion in motions)

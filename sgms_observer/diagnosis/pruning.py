@@ -36,6 +36,7 @@ from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.instruments import Share, delay_in_response, is_shown, or_in_response
 from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import lowest_rate
 from sgms_observer.diagnosis.sliding import slides_fast, sliding_shares
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 from sgms_observer.diagnosis.whitened import data_with_own_noise
@@ -311,7 +312,7 @@ def _share_beyond_lag(name: str, fit: Refit, evaluation: EvaluationData) -> floa
         evaluation: the recordings.
     """
     (delay,) = next(item.values for item in fit.effects if item.name == name)
-    rate = min(motion.step / motion.period for motion in evaluation.fit_motions)
+    rate = lowest_rate(evaluation.fit_motions)
     return (MAX_LAG_WITHOUT_DELAY - shortest_lag(evaluation)) / max(delay * rate, 1.0e-300)
 
 

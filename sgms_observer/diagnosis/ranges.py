@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.motion import Motion, lowest_rate
 from sgms_observer.diagnosis.search import CONTACT_SHARE, MODE_RATE
 from sgms_observer.diagnosis.sliding_force import PRESLIDING
 from sgms_observer.effects.catalogue import effect, is_drag
@@ -41,7 +41,7 @@ def plausible_range(name: str, parameter: str, motions: Sequence[Motion], nomina
     if parameter == "pitch":
         return 0.0, max(MAX_PITCH_SHARE * stroke, nominal.joint_period or 0.0)
     if name == "flexible_mode" and parameter == "frequency":
-        return 0.0, MODE_RATE * min(motion.step / motion.period for motion in motions)
+        return 0.0, MODE_RATE * lowest_rate(motions)
     # a drag dissipates energy; a negative one describes another contact law
     if is_drag(name) and effect(name).parameter(parameter).is_strength:
         return 0.0, np.inf

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.motion import Motion, lowest_rate
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
@@ -175,7 +175,7 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
             return [scaled(name, (0,), (TRIAL_SHARE * model.mass,))]
         case "flexible_mode":
             zetas, slowest = (0.03, 0.15), min(motion.band for motion in motions)
-            fastest = min(MODE_ABOVE_BAND * slowest, MODE_RATE * min(motion.step / motion.period for motion in motions))
+            fastest = min(MODE_ABOVE_BAND * slowest, MODE_RATE * lowest_rate(motions))
             modes = grid(MODE_BELOW_BAND * slowest, fastest, 24)
             return [scaled(name, (0,), (TRIAL_SHARE * model.mass, f, z), True) for f in modes for z in zetas]
         case "position_dependent_friction":

@@ -39,3 +39,16 @@ def test_a_held_out_recording_with_another_load_is_told(
         assert load is not None and not load.test.passed
         assert "5 kg in those that were fitted, 6.5 kg in with_load" in told[0]
         assert not answer.disturbance
+
+
+def test_recordings_of_the_same_name_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two bags of different folders may have one name; only one of them has another load."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("spring", "offset"))
+    learn, alike, other = (
+        record(seed=seed, duration=12.0, period=0.004, scale=3.0, mass=mass)
+        for seed, mass in ((1, 5.0), (3, 5.0), (2, 6.5))
+    )
+    diagnosis = workflow.diagnose([learn], [alike, other], AXIS, OPTIONS)
+    load = other_load(GapData.of(diagnosis, OPTIONS), diagnosis.written.before)
+    assert load is not None and not load.test.passed
+    assert load.mass == pytest.approx(6.5, rel=0.01)
