@@ -143,6 +143,31 @@ class Refit:
         """Return the fit to keep: its jacobian takes megabytes, and a search keeps every fit that it compared."""
         return replace(self, jacobian=np.zeros((0, self.jacobian.shape[1])))
 
+    def with_signs_of(self, given: Mapping[str, Sequence[float]], held: Set[tuple[int, int]]) -> Refit:
+        """Return the same model with each sine written as the file writes it, or else with a positive amplitude.
+
+        A negative amplitude is the same force as a positive one at the opposite angle.
+
+        Args:
+            given: values of the effects of the file, by name.
+            held: effect parameters that stay next to the values of the file: they are written as it writes them.
+        """
+        effects, flips = list(self.effects), np.ones(self.jacobian.shape[1])
+        free, first = {*self.free} - held, len(flips) - len(self.free)
+        for i, item in enumerate(effects):
+            values, like = list(item.values), given.get(item.name, (0.0,) * len(item.values))
+            for strength, angle in effect(item.name).waves:
+                if not {(i, strength), (i, angle)} <= free:
+                    continue
+                if values[strength] * (like[strength] or 1.0) < 0.0:
+                    values[strength], values[angle] = -values[strength], values[angle] + np.pi
+                    flips[first + self.free.index((i, strength))] = -1.0
+                values[angle] -= 2.0 * np.pi * np.round((values[angle] - like[angle]) / (2.0 * np.pi))
+            effects[i] = replace(item, values=tuple(map(float, values)))
+        count = len(effects)
+        model = replace(self.model, effects=(*self.model.effects[: len(self.model.effects) - count], *effects))
+        return replace(self, model=model, effects=tuple(effects), jacobian=self.jacobian * flips)
+
     def standard_errors(
         self, held: Set[tuple[int, int]] = frozenset(), held_nominal: Set[int] = frozenset()
     ) -> dict[tuple[int, int], float]:
@@ -434,7 +459,7 @@ class RefitSetup:
         within = self.ranges_of_held_effects(effects)
         of_file = [(i, j) for i, e in enumerate(effects) if e.name in self.held_effects for j in range(len(e.values))]
         all_fixed = [*(fixed_parameters(effects) if fixed is None else fixed), *(set(of_file) - set(within))]
-        return refit(
+        found = refit(
             self.data,
             self.nominal,
             self.tolerance,
@@ -448,6 +473,7 @@ class RefitSetup:
             self.workers,
             is_nominal_held,
         )
+        return found.with_signs_of({item.name: item.values for item in self.file_effects}, frozenset(within))
 
     def fit_to_gap(self, found: Refit) -> Refit:
         """Return a fit with the nominal parameters fitted to the gap as reported. Its effects keep their values.

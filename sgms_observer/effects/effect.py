@@ -241,6 +241,17 @@ class Effect:
         """Return the default values, as the formula's ``p`` has them."""
         return flat_values(self, {})
 
+    @property
+    def waves(self) -> tuple[tuple[int, int], ...]:
+        """Return the indices (strength, angle) of each sine: an angle belongs to the last strength before it."""
+        found, last = [], -1
+        for place, parameter in enumerate(self.parameters):
+            if parameter.is_strength:
+                last = place
+            elif parameter.unit == "rad" and last >= 0:
+                found.append((last, place))
+        return tuple(found)
+
     def asked(self, values: Mapping[str, str]) -> str:
         """Return the question that a report asks about the effect.
 

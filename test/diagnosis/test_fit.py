@@ -83,3 +83,19 @@ def test_without_an_effect_of_the_file_it_stays_within_its_tolerance() -> None:
     assert alone.fit(effects, None, [(1, 2), (1, 3), (1, 4)]).effects[0].values == pytest.approx((0.475,))
     alone, effects = setup.without("cogging", (changed, COGGING))
     assert effects == (changed,) and alone is setup
+
+
+@pytest.mark.parametrize("of_file", [(), (EffectSettings("cogging", (-0.8, 0.004, 1.0 - np.pi, 0.0, 0.0)),)])
+def test_a_sine_is_written_as_the_file_writes_it_or_with_a_positive_amplitude(
+    of_file: tuple[EffectSettings, ...],
+) -> None:
+    setup = replace(setup_for(COGGING), file_effects=of_file)
+    start = replace(COGGING, values=(-0.7, 0.004, 1.1 + np.pi, 0.0, 0.0))
+    fixed = [(0, 3), (0, 4)]
+    found = setup.fit((start,), None, fixed)
+    wanted = of_file[0] if of_file else COGGING
+    assert found.effects[0].values == pytest.approx(wanted.values, rel=0.02, abs=0.02)
+    assert found.model.effects == found.effects
+    again = setup.fit(found.effects, found.logs, fixed, evaluations=1)
+    assert again.cost == pytest.approx(found.cost, rel=1.0e-9)
+    assert again.jacobian == pytest.approx(found.jacobian, rel=1.0e-3, abs=1.0e-3 * np.abs(found.jacobian).max())
