@@ -16,10 +16,17 @@ from sgms_observer.application.bag_info import refuse_learnt_from
 from sgms_observer.arrays import Floats
 from sgms_observer.bags.bag_folder import refuse_bag_folder, refuse_own_recording
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.compensation_check import SKIPPED, CompensationCheck, can_look_ahead, check_compensation
+from sgms_observer.diagnosis.compensation_check import (
+    SKIPPED,
+    CompensationCheck,
+    can_look_ahead,
+    check_compensation,
+    with_whole_compensation,
+)
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.motion import EDGE_TIME, long_enough, motion_of
+from sgms_observer.diagnosis.recorded_controller import RecordedController, recorded_controller
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
@@ -57,7 +64,9 @@ def predict_tracking(
     """Return the tracking errors that the augmented model predicts; None where the simulated loop does not stay finite.
 
     The stage has the mass, friction and effects of ``augmented``, the controller of ``given`` and the encoder of the
-    recording. Along a reference the compensation is a feedforward: it is computed from the run without it.
+    recording. Where it does not follow as the machine did, it gets the controller that the recording shows, if it
+    follows with that one as the machine did. Along a reference the compensation is a feedforward: it is computed from
+    the run without it.
 
     Args:
         record: gives the motion, the rate and the encoder.
@@ -65,35 +74,87 @@ def predict_tracking(
         augmented: the same with the found effects and values.
         band: a measured motion is filtered at a multiple of this frequency before the stage follows it [Hz].
     """
-    count = min(len(record), MAX_SAMPLES, round(MAX_SECONDS / record.period))
-    part = record.part(len(record) - count, len(record))
-    reference = part.whole_reference
-    path = _smooth(part, band) if reference is None else reference
-    truth = _truth(part, given, augmented)
-    moves = truth.stage.reference
-    times = np.asarray(part.period * np.arange(count), dtype=np.float64)
-    followed = through_points(
-        times, path, "cubic", velocity=moves.velocity, acceleration=moves.acceleration, jerk=moves.jerk
-    )
-    counted = slice(round(SKIPPED / part.period), count - round(EDGE_TIME / part.period))
-    plain = SimulatedStage(truth, part.period, reference=followed).step(count)
-    runs = [plain]
-    if not np.all(np.isfinite(plain.position)):
-        return None
-    for axis in (given, augmented):
-        feedforward = _compensation(axis, truth, plain, part.period)
-        runs.append(SimulatedStage(truth, part.period, reference=followed).step(count, feedforward))
-    errors = [(run.position - run.reference_position)[counted] for run in runs]
-    if not all(np.all(np.isfinite(error)) for error in errors):
-        return None
-    recorded = None
-    if reference is not None:
-        errors.append((part.position - reference)[counted])
-        recorded = TrackingError.of(errors[-1])
-    without, given_error, augmented_error = (TrackingError.of(error) for error in errors[:3])
-    return PredictedTracking(
-        without, given_error, augmented_error, recorded, part.duration, times[counted], tuple(errors)
-    )
+    part = record.part(len(record) - min(len(record), MAX_SAMPLES, round(MAX_SECONDS / record.period)), len(record))
+    loop = _Loop(part, _truth(part, given, augmented), band)
+    first = loop.tracking(given, augmented)
+    if first is not None and first.agrees:
+        return first
+    if part.whole_reference is None:
+        return first
+    compensation = AxisObserver(with_whole_compensation(augmented), part.period).step(part.samples).compensation
+    shown = recorded_controller(part, augmented.mass, given.stage.controller, np.nan_to_num(compensation), band)
+    if shown is None:
+        return first
+    second = loop.with_controller(shown).tracking(given, augmented)
+    return second if second is not None and second.agrees else first
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """A simulated loop along a recording.
+
+    Attributes:
+        record: gives the motion, the rate and the encoder.
+        truth: the axis whose stage is simulated.
+        band: a measured motion is filtered at a multiple of this frequency before the stage follows it [Hz].
+        shown: the controller, where it is the one that the recording shows.
+    """
+
+    record: Recording
+    truth: AxisSettings
+    band: float
+    shown: RecordedController | None = None
+
+    def with_controller(self, shown: RecordedController) -> _Loop:
+        """Return the loop with the controller that the recording shows."""
+        truth = replace(self.truth, stage=replace(self.truth.stage, controller=shown.settings))
+        return replace(self, truth=truth, shown=shown)
+
+    def tracking(self, given: AxisSettings, augmented: AxisSettings) -> PredictedTracking | None:
+        """Return the tracking errors without compensation and with that of both models; None if one is not finite.
+
+        Args:
+            given: settings as they were given.
+            augmented: the same with the found effects and values.
+        """
+        record, period = self.record, self.record.period
+        count = len(record)
+        counted = slice(round(SKIPPED / period), count - round(EDGE_TIME / period))
+        reference = record.whole_reference
+        runs = [self._run(0.0)]
+        for axis in (given, augmented):
+            if np.all(np.isfinite(runs[0].position)):
+                runs.append(self._run(_compensation(axis, self.truth, runs[0], period)))
+        errors = [(run.position - run.reference_position)[counted] for run in runs]
+        if len(errors) < 3 or not all(np.all(np.isfinite(error)) for error in errors):
+            return None
+        recorded = None
+        if reference is not None:
+            errors.append((record.position - reference)[counted])
+            recorded = TrackingError.of(errors[-1])
+        without, given_error, augmented_error = (TrackingError.of(error) for error in errors[:3])
+        return PredictedTracking(
+            without,
+            given_error,
+            augmented_error,
+            recorded,
+            record.duration,
+            record.time[counted],
+            tuple(errors),
+            self.shown,
+        )
+
+    def _run(self, compensation: float | Floats) -> StageRecord:
+        """Return a run with a compensation [N]."""
+        count, moves = len(self.record), self.truth.stage.reference
+        reference = self.record.whole_reference
+        path = _smooth(self.record, self.band) if reference is None else reference
+        followed = through_points(
+            self.record.time, path, "cubic",
+            velocity=moves.velocity, acceleration=moves.acceleration, jerk=moves.jerk,
+        )  # fmt: skip
+        feedforward = compensation if self.shown is None else compensation + self.shown.feedforward
+        return SimulatedStage(self.truth, self.record.period, reference=followed).step(count, feedforward)
 
 
 def _smooth(record: Recording, band: float) -> Floats:

@@ -13,7 +13,6 @@ from sgms_observer.diagnosis.evidence import blocks_of, improvement
 from sgms_observer.diagnosis.model import Model, with_phases_of
 from sgms_observer.diagnosis.motion import HELD_LAG, EffortLag, Motion, contact_position, delayed, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
@@ -78,19 +77,13 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
         band: upper corner of the band [Hz].
         block: length of a block of time [s].
     """
-    whole = replace(
-        axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6,
-        look_ahead=0.0,  # the recorded effort is the effort of its own sample
-    )  # fmt: skip
     lag = HELD_LAG if axis.filter.effort_is_held else 0.0
     motion = motion_of(record, EffortLag((lag,)), band)
-    axis = replace(axis, compensation=whole, effects=with_phases_of(Model.of(axis), motion).effects)
+    axis = with_whole_compensation(replace(axis, effects=with_phases_of(Model.of(axis), motion).effects))
     n, period = len(record.position), record.period
-    stamp = np.round(np.arange(n) * period * 1e9).astype(np.int64)
-    nothing = np.full(n, np.nan)
-    samples = Samples(stamp, record.position, record.effort, nothing, nothing)
+    samples = replace(record.samples, reference_position=np.full(n, np.nan))
     estimates = AxisObserver(axis, period).step(samples)
-    good = np.arange(n) * period > SKIPPED
+    good = record.time > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
     needed = motion.effort - axis.mass * motion.acceleration  # the force of an added mass is part of the feedforward
     counted = motion.thinned(motion.time) > SKIPPED
@@ -119,6 +112,15 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
         share=float(np.mean(follows)),
         has_reference=reference is not None,
     )
+
+
+def with_whole_compensation(axis: AxisSettings) -> AxisSettings:
+    """Return the axis with the compensation of its whole model, for the effort of each sample: nothing limits it."""
+    whole = replace(
+        axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6,
+        look_ahead=0.0,  # the recorded effort is the effort of its own sample
+    )  # fmt: skip
+    return replace(axis, compensation=whole)
 
 
 def moves(values: Floats, motion: Motion) -> Booleans:

@@ -107,9 +107,10 @@ def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
         )
         if error is not None
     ]
+    controller = tracking.of_controller or " with stage.controller of the file"
     text = [
-        f"The stage that augmented.yaml describes follows {tracking.along} for {tracking.seconds:.3g} s with"
-        " stage.controller of the file and the compensation's gain and limit."
+        f"The stage that augmented.yaml describes follows {tracking.along} for {tracking.seconds:.3g} s{controller} and"
+        " the compensation's gain and limit."
     ]
     plots = [tracking_plot(tracking, units)] if tracking.errors else []
     return Section(heading, text, [Table(("tracking error", "rms", "peak"), rows)], plots=plots)

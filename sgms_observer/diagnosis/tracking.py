@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sgms_observer.arrays import Floats
+from sgms_observer.diagnosis.recorded_controller import RecordedController
 from sgms_observer.settings.units import Units
 
 MAX_RATIO = 1.5
@@ -45,7 +46,7 @@ def _agree(simulated: float, recorded: float) -> bool:
 
 @dataclass(frozen=True)
 class PredictedTracking:
-    """Tracking errors of the stage that ``augmented.yaml`` describes, in closed loop with the file's controller.
+    """Tracking errors of the stage that ``augmented.yaml`` describes, in closed loop.
 
     Attributes:
         without: without compensation.
@@ -55,6 +56,7 @@ class PredictedTracking:
         seconds: simulated time [s].
         time: of each sample that counts [s], shape (n,).
         errors: the errors over time: without, given, augmented, and recorded if there is one [m], each of shape (n,).
+        controller: of the loop, where it is the one that the recording shows; None where it is that of the file.
     """
 
     without: TrackingError
@@ -64,11 +66,27 @@ class PredictedTracking:
     seconds: float
     time: Floats = field(default_factory=lambda: np.zeros(0))
     errors: tuple[Floats, ...] = ()
+    controller: RecordedController | None = None
+
+    @property
+    def agrees(self) -> bool:
+        """Return whether the simulated loop follows as the machine did: rms and peak without compensation agree."""
+        recorded = self.recorded
+        return recorded is not None and all(
+            _agree(*pair) for pair in ((self.without.rms, recorded.rms), (self.without.peak, recorded.peak))
+        )
 
     @property
     def along(self) -> str:
         """Return the motion that the stage follows, in words."""
         return "the measured motion" if self.recorded is None else "the recorded reference"
+
+    @property
+    def of_controller(self) -> str:
+        """Return which controller the loop has, in words; empty where it is that of the file."""
+        if self.controller is None:
+            return ""
+        return f" with the controller that the recording shows ({self.controller.sentence})"
 
     def caution(self, units: Units) -> str:
         """Return why the simulated controller may differ from that of the recording; empty if the errors agree.
@@ -112,7 +130,7 @@ class PredictedTracking:
                 (self.augmented, "with that of augmented.yaml"),
             )
         ]
-        return f"predicted tracking error along {self.along}: {'; '.join(rows)}"
+        return f"predicted tracking error along {self.along}{self.of_controller}: {'; '.join(rows)}"
 
     def as_dict(self, units: Units) -> dict[str, Any]:
         """Return the content for result.json.
@@ -128,5 +146,6 @@ class PredictedTracking:
             "along": self.along,
             "seconds": self.seconds,
             "unit": units.position,
+            "controller": None if self.controller is None else self.controller.as_dict(),
             "caution": self.caution(units) or None,
         }

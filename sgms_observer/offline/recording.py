@@ -63,6 +63,11 @@ class Recording:
         return len(self.position)
 
     @property
+    def time(self) -> Floats:
+        """Time of each sample from the first one [s], shape (n,)."""
+        return np.arange(len(self), dtype=np.float64) * self.period
+
+    @property
     def duration(self) -> float:
         """Length [s]."""
         return len(self) * self.period
@@ -91,6 +96,13 @@ class Recording:
         if max(known[0], len(given) - 1 - known[-1]) * self.period > MAX_END:
             return None
         return np.asarray(given[np.clip(np.arange(len(given)), known[0], known[-1])], dtype=np.float64)
+
+    @property
+    def samples(self) -> Samples:
+        """Return the samples as an observer gets them, with the set-points of ``whole_reference``."""
+        stamp = np.round(self.time * 1e9).astype(np.int64)
+        nothing, reference = np.full(len(self), np.nan), self.whole_reference
+        return Samples(stamp, self.position, self.effort, nothing if reference is None else reference, nothing)
 
     def with_more_noise(self, seed: int) -> Recording:
         """Return the recording with as much noise again on its position.

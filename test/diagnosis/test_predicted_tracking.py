@@ -75,12 +75,40 @@ def test_the_prediction_is_what_the_loop_does() -> None:
     assert predicted.caution(Units()) == ""
 
 
-def test_another_controller_is_reported() -> None:
+def _with_bandwidth(axis: AxisSettings, bandwidth: float) -> AxisSettings:
+    """Return the axis with another controller in its file."""
+    return replace(axis, stage=replace(axis.stage, controller=replace(axis.stage.controller, bandwidth=bandwidth)))
+
+
+@pytest.mark.parametrize("share", [1.0, 0.0])
+def test_the_controller_is_the_one_that_the_recording_shows(share: float) -> None:
+    """The machine damps the tracking error, or the measured velocity alone as cascaded loops do."""
     given = _given()
-    record, _ = _recorded(given)
-    slower = replace(given.stage, controller=replace(given.stage.controller, bandwidth=40.0))
-    predicted = predict_tracking(record, replace(given, stage=slower), _augmented(given), BAND)
-    assert predicted is not None
+    stage, controller = SimulatedStage(given, PERIOD), given.stage.controller
+    gain = 2.0 * controller.damping_ratio * 2.0 * np.pi * controller.bandwidth * given.mass
+    plain = SimulatedStage(given, PERIOD).step(COUNT).samples.reference_position
+    run = stage.step(COUNT, (share - 1.0) * gain * np.gradient(plain, PERIOD))
+    samples = run.samples
+    record = Recording("simulated", PERIOD, samples.position, samples.effort, samples.reference_position)
+    predicted = predict_tracking(record, _with_bandwidth(given, 40.0), _augmented(given), BAND)
+    assert predicted is not None and predicted.recorded is not None and predicted.controller is not None
+    found = predicted.controller.settings
+    assert found.bandwidth == pytest.approx(controller.bandwidth, rel=0.15)
+    assert found.damping_ratio == pytest.approx(controller.damping_ratio, rel=0.3)
+    assert predicted.without.rms == pytest.approx(predicted.recorded.rms, rel=0.1)
+    assert predicted.caution(Units()) == ""
+    assert "the controller that the recording shows (bandwidth " in predicted.sentence(Units())
+
+
+def test_a_controller_that_the_recording_does_not_show_is_reported() -> None:
+    """The effort holds a compensation that no linear controller makes."""
+    given = _given()
+    observer = AxisObserver(replace(_augmented(given), compensation=replace(given.compensation, enabled=True)), PERIOD)
+    run, _ = SimulatedStage(given, PERIOD).step_answered(COUNT, lambda one: float(observer.step(one).compensation[-1]))
+    samples = run.samples
+    record = Recording("simulated", PERIOD, samples.position, samples.effort, samples.reference_position)
+    predicted = predict_tracking(record, _with_bandwidth(given, 40.0), _augmented(given), BAND)
+    assert predicted is not None and predicted.controller is None
     assert "stage.controller of the file is not the controller of the recording" in predicted.caution(Units())
 
 

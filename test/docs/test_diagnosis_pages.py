@@ -19,10 +19,11 @@ from sgms_observer.diagnosis.gap import Gap
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.named import Named
+from sgms_observer.diagnosis.recorded_controller import RecordedController
 from sgms_observer.diagnosis.result import result_of
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.effects.learnt_map import LearntMap
-from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.axis import ControllerSettings, EffectSettings
 from sgms_observer.settings.units import Units
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,7 +79,8 @@ def test_every_key_of_result_json_is_in_the_glossary_and_no_other() -> None:
     explained = re.findall(r"^\| `([\w.]+)` \| \S.*\. \| .+ \|$", section, re.MULTILINE)
     assert len(explained) == len(set(explained))
     error = TrackingError(1.0e-6, 2.0e-6)
-    tracking = PredictedTracking(error, error, error, error, 10.0)
+    controller = RecordedController(ControllerSettings(), np.zeros(0))
+    tracking = PredictedTracking(error, error, error, error, 10.0, controller=controller)
     result = result_of(full_answer(), (CompensationCheck(1.0, 2.0), CompensationCheck(0.5, 1.0)), tracking, Units())
     assert set(explained) == keys_of(result)
 
@@ -95,7 +97,7 @@ def test_terms_of_reports_and_pages_are_in_the_glossary(term: str) -> None:
 
 def test_both_pages_print_the_same_of_the_worked_example() -> None:
     printed = [
-        re.findall(r"```text\n(Warning: .*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL)
+        re.findall(r"```text\n(note: band .*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL)
         for page in ("diagnose.md", "worked_example.md")
     ]
     assert printed[0] == printed[1] and len(printed[0]) == 1
