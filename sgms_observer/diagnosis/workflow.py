@@ -369,15 +369,16 @@ def _search(
         added = {item.name for item in found.accepted}
         names, changed = ([name for name in one if name not in added] for one in (searched, changes))
         share = 0.1 + 0.7 * len(found.rounds) / most
-        report(f"screening of {len(names)} effects", share)
         setup = found.state.setup
         current = finish_fit(setup, found.state.current)  # as many steps as for the hypotheses
         state = replace(found.state, current=current)
         evaluation = state.evaluation(options)
         if found.rounds and evaluation.is_gap_closed(current.model) and not _is_predictable(current.model, evaluation):
-            changed = []  # they explain what surely is more than noise
-            if not _leaves_a_sure_prediction(found.rounds[-1]):
+            predicted = _sure_predictions(found.rounds[-1])
+            names, changed = ([name for name in one if name in predicted] for one in (names, changed))
+            if not names:
                 return replace(found, states=(*found.states[:-1], state))
+        report(f"screening of {len(names)} effects", share)
         earlier = evidence_of(current, evaluation)
         screen = Screen(
             setup.data, current, options.tolerance, setup.freedom, names, options.workers, setup.held_effects
@@ -406,11 +407,13 @@ def _is_predictable(model: Model, evaluation: EvaluationData) -> bool:
     return found.z_score > criteria.min_z_score and found.share > criteria.min_predictable_share
 
 
-def _leaves_a_sure_prediction(last: Round) -> bool:
-    """Return whether another effect than the accepted hypothesis predicted significantly better than the model without
-    either. The noise is fitted to what the accepted one leaves, so it may contain the other."""
+def _sure_predictions(last: Round) -> frozenset[str]:
+    """Return the hypotheses that predicted significantly better than the model before a round, but were not added.
+
+    The noise is fitted to what the added one leaves, so it may contain one of them, and nothing else is missing.
+    """
     assert last.accepted is not None
-    return any(item.tests[0].passed for item in last.decisions if item.candidate is not last.accepted.candidate)
+    return frozenset(item.candidate.name for item in last.decisions if item.tests[0].passed)
 
 
 def _with_best(

@@ -11,10 +11,12 @@ from workflow_case import AXIS, evaluation_of, record
 
 from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import answer_of
+from sgms_observer.diagnosis.candidates import Candidate
+from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES
 from sgms_observer.diagnosis.criteria import at_least
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.fit import RefitSetup
+from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.instruments import Share
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
@@ -151,13 +153,35 @@ def test_noise_does_not_end_the_search_where_it_holds_an_effect(
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "spring"))
     monkeypatch.setattr(EvaluationData, "is_gap_closed", lambda *_: True)
     if not is_sure:
-        monkeypatch.setattr(workflow, "_leaves_a_sure_prediction", lambda *_: False)
+        monkeypatch.setattr(workflow, "_sure_predictions", lambda *_: frozenset())
     if not is_predictable:
         monkeypatch.setattr(workflow, "_is_predictable", lambda *_: False)
     hidden = (EffectSettings("offset", (1.5,)), SPRING)
     one, other = (record(hidden, seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
     found = workflow.diagnose([one], [other], AXIS, Options(workers=1, band=25.0))
     assert (len(accepted_candidates(found.rounds)) > 1) is goes_on
+
+
+@pytest.mark.parametrize("changes", [set(), {"changed friction"}])
+def test_in_the_noise_only_what_predicted_is_looked_for(monkeypatch: pytest.MonkeyPatch, changes: set[str]) -> None:
+    """Behind the cogging of a noisy joint a delay, a mode and a mass error were named: no contact had to compete."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "spring", "cogging"))
+    monkeypatch.setattr(EvaluationData, "is_gap_closed", lambda *_: True)
+    monkeypatch.setattr(workflow, "_is_predictable", lambda *_: False)
+    sure, fitted, tried = workflow._sure_predictions, workflow.changed_candidate, list[str]()
+    monkeypatch.setattr(workflow, "_sure_predictions", lambda last: sure(last) - {*CHANGE_HYPOTHESES} | changes)
+
+    def noted(setup: RefitSetup, before: Refit, name: str) -> Candidate:
+        tried.append(name)
+        return fitted(setup, before, name)
+
+    monkeypatch.setattr(workflow, "changed_candidate", noted)
+    hidden = (EffectSettings("offset", (1.5,)), SPRING)
+    one, other = (record(hidden, seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
+    found = workflow.diagnose([one], [other], AXIS, Options(workers=1, band=25.0))
+    assert [set(item.screenings) for item in found.rounds[:2]] == [{"offset", "spring", "cogging"}, {"spring"}]
+    assert "spring" in {one.name for one in accepted_candidates(found.rounds)}
+    assert {name for name in tried if tried.count(name) > 1} == changes
 
 
 def test_after_an_effect_is_removed_the_search_goes_on_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
