@@ -59,7 +59,7 @@ CRITERION_OF = {
     "residual above noise / closed residual": "min_imitable_share",
     "share of what it closes that it surely closes beside a map": "min_imitable_share",
     "share of the squared gap that another load": "min_imitable_share",
-    "largest likely share of the delay": "min_imitable_share",
+    "share of the delay": "min_imitable_share",
     "smallest likely share of the delay": "min_imitable_share",
     "squared difference / (difference": "min_imitable_share",
 }

@@ -37,6 +37,12 @@ class Share:
         """Return the smallest likely share."""
         return self.value - criteria.interval_z_score * self.error
 
+    def counted(self, criteria: Criteria) -> float:
+        """Return the share itself where its 90 % interval cannot hold both none and all of the effect, else its upper
+        end: then the response tells nothing against the effect."""
+        reach = criteria.interval_z_score * self.error
+        return self.value if 2.0 * reach < 1.0 else self.value + reach
+
 
 def delay_in_response(model: Model, name: str, evaluation: EvaluationData) -> Share | None:
     """Return the share of a delay that the response to the reference shows, or None where nothing shows it.

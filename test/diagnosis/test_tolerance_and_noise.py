@@ -127,14 +127,17 @@ def test_a_tight_spot_lies_within_the_stroke() -> None:
     assert ranges == [(low, high), (0.0, 0.5 * (high - low))]
 
 
-@pytest.mark.parametrize(("share", "is_named"), [(1.0, True), (0.55, False)])
+@pytest.mark.parametrize(
+    ("share", "error", "is_named"), [(1.0, 0.001, True), (0.55, 0.001, False), (0.41, 0.23, False), (0.41, 0.4, True)]
+)
 def test_what_the_response_shows_of_a_delay_has_to_exceed_the_lag_of_a_held_effort(
-    share: float, is_named: bool, monkeypatch: pytest.MonkeyPatch
+    share: float, error: float, is_named: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """More than half of it shows, but that is less than what a held effort and inexact stamps make."""
+    """The second share is less than what a held effort and inexact stamps make. So is the third, of a lead screw with no
+    delay, whose interval ends at 0.79. The last one tells nothing: the response could hold none or all of it."""
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("actuator_delay",))
     monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
-    monkeypatch.setattr(pruning, "delay_in_response", lambda *_: Share(share, 0.001))
+    monkeypatch.setattr(pruning, "delay_in_response", lambda *_: Share(share, error))
     hidden = EffectSettings("actuator_delay", (8.0e-4,))
     one, other = (record((hidden,), seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
     axis = replace(AXIS, filter=replace(AXIS.filter, effort_is_held=True))
