@@ -40,8 +40,8 @@ class Share:
     def counted(self, criteria: Criteria) -> float:
         """Return the share itself where its 90 % interval cannot hold both none and all of the effect, else its upper
         end: then the response tells nothing against the effect."""
-        reach = criteria.interval_z_score * self.error
-        return self.value if 2.0 * reach < 1.0 else self.value + reach
+        half_width = criteria.interval_z_score * self.error
+        return self.value if 2.0 * half_width < 1.0 else self.value + half_width
 
 
 def delay_in_response(model: Model, name: str, evaluation: EvaluationData) -> Share | None:

@@ -133,8 +133,8 @@ def test_a_tight_spot_lies_within_the_stroke() -> None:
 def test_what_the_response_shows_of_a_delay_has_to_exceed_the_lag_of_a_held_effort(
     share: float, error: float, is_named: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The second share is less than what a held effort and inexact stamps make. So is the third, of a lead screw with no
-    delay, whose interval ends at 0.79. The last one tells nothing: the response could hold none or all of it."""
+    """The second share is less than what a held effort and inexact stamps make. So is the third, of a lead screw that
+    has no delay: its interval ends at 0.79. The last one tells nothing: the response could hold none or all of it."""
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("actuator_delay",))
     monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
     monkeypatch.setattr(pruning, "delay_in_response", lambda *_: Share(share, error))
