@@ -33,6 +33,7 @@ from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup
 from sgms_observer.diagnosis.free_form import ALL
+from sgms_observer.diagnosis.homing import Shift, shifts_in, with_shifted_positions
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD_LAG
@@ -66,11 +67,13 @@ class FittedFile:
         axis: settings with the nominal model.
         audited: what the recordings can show.
         state: the fit.
+        shifts: offsets that were added to the positions of held-out recordings.
     """
 
     axis: AxisSettings
     audited: audit.Audit
     state: FitState
+    shifts: tuple[Shift, ...] = ()
 
     @property
     def nominal(self) -> Model:
@@ -157,7 +160,7 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
         options: options of the diagnosis.
         report: called with the current step and the completed share.
     """
-    audited, nominal = file.audited, file.nominal
+    start, audited, nominal = file, file.audited, file.nominal
     if audited.is_poor:
         report("refit of the file's own elements", LAST_SHARE)
         state, rounds, written = without_insignificant_effects(file.state, file.state, (), nominal, options)
@@ -171,11 +174,17 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
     warnings = list(audited.warnings)
     if file.axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
-    return Diagnosis(
+    warnings += [shift.warning(file.axis.units) for shift in file.shifts]
+    found = Diagnosis(
         nominal, file.known_effects, file.state, state, written, rounds, state.evaluation(options), audited.resolution,
         (*audited.notes, *notes_on_changes([*state.fit_motions, *state.held_out_motions])), tuple(warnings),
         audited.is_poor,
     )  # fmt: skip
+    shifts = () if start.shifts else shifts_in(found)
+    if not shifts:
+        return found
+    shifted = with_shifted_positions(start.state, shifts)
+    return diagnose_from(replace(start, state=shifted, shifts=shifts), options, report)
 
 
 def _may_need_wide_elements(state: FitState, rounds: Sequence[Round]) -> bool:

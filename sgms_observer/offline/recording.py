@@ -101,6 +101,16 @@ class Recording:
         noise = np.random.default_rng(seed).normal(0.0, self.position_noise, len(self))
         return replace(self, position=self.position + noise)
 
+    def shifted(self, offset: float) -> Recording:
+        """Return the recording with its origin of the position elsewhere.
+
+        Args:
+            offset: is added to positions and set-points [m or rad].
+        """
+        reference = None if self.reference_position is None else self.reference_position + offset
+        step = self.encoder_step  # of the positions as they were recorded
+        return replace(self, position=self.position + offset, reference_position=reference, recorded_step=step)
+
     def part(self, first: int, last: int) -> Recording:
         """Return some of the samples.
 
