@@ -288,7 +288,8 @@ def _diagnosed(
     file = fitted_file(learn, judge, axis, options, go_on)
     while True:
         found = diagnose_from(file, options, go_on)
-        step = step.along((*found.final_state.recordings.holdouts, *learn)[0])
+        recordings = found.final_state.recordings
+        step = step.along((*recordings.holdouts, *recordings.records)[0])
         answer = answer_of(found, axis, options)
         if answer.doubtful:
             refused.append(max(answer.doubtful, key=lambda test: test.value))

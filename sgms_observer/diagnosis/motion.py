@@ -323,11 +323,22 @@ def delayed(values: Floats, samples: Floats | float) -> Floats:
 
     Args:
         values: shape (n,).
-        samples: the delay, one for all samples or one for each, shape (n,).
+        samples: the delay, between -1 and 1, one for all samples or one for each, shape (n,).
     """
     late, early = np.maximum(samples, 0.0), np.maximum(-np.asarray(samples), 0.0)
     before, after = np.concatenate((values[:1], values[:-1])), np.concatenate((values[1:], values[-1:]))
     return np.asarray((1.0 - late - early) * values + late * before + early * after, dtype=np.float64)
+
+
+def advanced(values: Floats, samples: float) -> Floats:
+    """Return a series advanced by any number of samples (delayed if negative); its ends have the value of the ends.
+
+    Args:
+        values: shape (n,).
+        samples: by how many samples.
+    """
+    at = np.arange(len(values), dtype=np.float64)
+    return np.asarray(np.interp(at + samples, at, values), dtype=np.float64)
 
 
 @njit

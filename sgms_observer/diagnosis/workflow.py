@@ -34,6 +34,7 @@ from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup
 from sgms_observer.diagnosis.free_form import ALL
 from sgms_observer.diagnosis.homing import Shift, shifts_in, with_shifted_positions
+from sgms_observer.diagnosis.late_stamps import corrected, late_stamps
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD_LAG
@@ -109,12 +110,15 @@ def fitted_file(
     report("audit", 0.0)
     stated_lag = HELD_LAG if axis.filter.effort_is_held else 0.0
     band = options.band or BAND
-    recordings = Recordings(tuple(records), tuple(holdouts), stated_lag, band)
+    known_effects = file_effects(axis)
+    given = Model.of(axis).with_effects(known_effects)
+    late = late_stamps([*records, *holdouts], given, stated_lag, band, options.criteria)
+    recordings = Recordings(corrected(records, late), corrected(holdouts, late), stated_lag, band)
     learn, held = recordings.motions(), recordings.held_out()
     if not learn:
         raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")
     audited = audit.audit(learn, axis)
-    known_effects = file_effects(axis)
+    audited = replace(audited, warnings=(*audited.warnings, *(one.warning(axis.units) for one in late)))
     report("refit of the file within its tolerance", 0.03)
     fine = _without_effects(axis).with_split_elements()
     setup = RefitSetup(
