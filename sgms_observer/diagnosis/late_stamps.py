@@ -58,7 +58,8 @@ class LateStamps:
 
     def corrected(self, record: Recording) -> Recording:
         """Return a recording of this name whose effort has the lag of the settings."""
-        return replace(record, effort=advanced(record.effort, self.shift))
+        limits = record.effort_limits  # of the efforts as they were recorded
+        return replace(record, effort=advanced(record.effort, self.shift), recorded_limits=limits)
 
 
 def late_stamps(

@@ -22,6 +22,7 @@ from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.errors import DataError
 from sgms_observer.filters.zero_phase import zero_phase
 from sgms_observer.jit import njit
+from sgms_observer.offline.effort_range import NO_LIMITS
 from sgms_observer.offline.recording import Recording, Recordings
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -102,6 +103,7 @@ class Motion:
         resolution: encoder step; 0 if none is visible [m].
         lag: lag of the effort.
         band: upper frequency of the residuals [Hz].
+        effort_limits: limits beyond which the log shows no effort [N].
     """
 
     name: str
@@ -124,6 +126,12 @@ class Motion:
     resolution: float
     lag: EffortLag = EffortLag()
     band: float = BAND
+    effort_limits: tuple[float, float] = NO_LIMITS
+
+    @property
+    def is_cut_off(self) -> bool:
+        """Return whether the log shows no effort beyond a limit."""
+        return self.effort_limits != NO_LIMITS
 
     def smoothed(self, raw: Floats) -> Floats:
         """Return a position as recorded, filtered like ``position`` [m]."""
@@ -315,6 +323,7 @@ def motion_of(record: Recording, lag: EffortLag = EffortLag(), band: float = BAN
         resolution,
         lag,
         band,
+        record.effort_limits,
     )
 
 

@@ -118,7 +118,8 @@ def fitted_file(
     if not learn:
         raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")
     audited = audit.audit(learn, axis)
-    audited = replace(audited, warnings=(*audited.warnings, *(one.warning(axis.units) for one in late)))
+    of_logs = (*audit.cut_off_warnings([*records, *holdouts], axis.units), *(one.warning(axis.units) for one in late))
+    audited = replace(audited, warnings=(*audited.warnings, *of_logs))
     report("refit of the file within its tolerance", 0.03)
     fine = _without_effects(axis).with_split_elements()
     setup = RefitSetup(

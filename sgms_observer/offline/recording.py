@@ -20,6 +20,7 @@ from scipy.interpolate import CubicSpline
 from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
+from sgms_observer.offline.effort_range import effort_limits
 from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
 from sgms_observer.settings.axis import AxisSettings
 
@@ -52,6 +53,7 @@ class Recording:
         start: stamp of the first sample [s].
         other_position: position of another axis of the same recording [m or rad], shape (n,), or None.
         recorded_step: step of the positions' grid as they were recorded [m or rad]; None finds it in ``position``.
+        recorded_limits: limits of the efforts as they were recorded [N or N m]; None finds them in ``effort``.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Recording:
     start: float = 0.0
     other_position: Floats | None = None
     recorded_step: float | None = None
+    recorded_limits: tuple[float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.position)
@@ -75,6 +78,11 @@ class Recording:
     def encoder_step(self) -> float:
         """Step of the grid the encoder counts on; 0 where none shows [m or rad]."""
         return encoder_step(self.position) if self.recorded_step is None else self.recorded_step
+
+    @cached_property
+    def effort_limits(self) -> tuple[float, float]:
+        """Limits beyond which the log shows no effort [N or N m]; infinite where there are none."""
+        return effort_limits(self.effort) if self.recorded_limits is None else self.recorded_limits
 
     @cached_property
     def position_noise(self) -> float:
@@ -191,9 +199,11 @@ def _without_unit_of_log(piece: Recording) -> Recording:
         None if values is None else without_unit_rounding(values, noise)
         for values in (piece.reference_position, piece.other_position)
     )
+    of_effort = white_noise(piece.effort)
+    low, high = without_unit_rounding(np.array(piece.effort_limits), of_effort).tolist()
     return replace(
         piece, position=without_unit_rounding(piece.position, noise), reference_position=reference,
-        effort=without_unit_rounding(piece.effort, white_noise(piece.effort)), other_position=other,
+        effort=without_unit_rounding(piece.effort, of_effort), other_position=other, recorded_limits=(low, high),
     )  # fmt: skip
 
 
@@ -225,7 +235,7 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
         notes.append(f"{name}: {int(np.sum(~keep))} of {len(keep)} samples with duplicate or backward stamps dropped")
     seconds = (stamp[keep] - stamp[0]) * 1e-9
     signals = [values[good][keep] for values in (samples.position, samples.effort, samples.reference_position)]
-    step = encoder_step(signals[0])
+    step, limits = encoder_step(signals[0]), effort_limits(signals[1])
     pauses = np.diff(seconds)
     typical = float(np.median(pauses))
     whole = pauses <= _MAX_PAUSE * typical
@@ -249,7 +259,8 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
         readings.append(reading)
         position, effort, reference = reading.signals
         piece = Recording(
-            name, reading.period, position, effort, reference, origin + reading.start, recorded_step=step
+            name, reading.period, position, effort, reference, origin + reading.start, recorded_step=step,
+            recorded_limits=limits,
         )  # fmt: skip
         pieces.append(piece if other is None else replace(piece, other_position=_other_position(piece, other)))
     notes += _notes_on_stamps(name, readings)
