@@ -14,10 +14,10 @@ import numpy as np
 
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR
+from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR, MIN_HELD_LAG
 from sgms_observer.diagnosis.instruments import first_strength, instruments_of
 from sgms_observer.diagnosis.model import Model, predict
-from sgms_observer.diagnosis.motion import EDGE_TIME, EffortLag, Motion, advanced, motion_of
+from sgms_observer.diagnosis.motion import EDGE_TIME, MIN_DURATION, EffortLag, Motion, advanced, motion_of
 from sgms_observer.diagnosis.sliding import logarithmic_friction, slides_fast
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.units import Units
@@ -28,6 +28,8 @@ MAX_STEP = 2.0
 """Largest step of the fit [samples]: the fit is linear in a small lag only."""
 MIN_STEP = 0.01
 """Step at which the fit has converged [samples]."""
+STIFFER = 1.0e3
+"""Factor on the stiffness of the elements for a contact that slides nearly at once."""
 LAG_STEP = 0.1
 """Step of the derivative with respect to the lag [samples]."""
 
@@ -80,10 +82,35 @@ def late_stamps(
     least, found = criteria.z_score_of(len(names)), []
     for name in names:
         some = [record for record in records if record.name == name]
-        lag = _lag_in_fast_sliding(some, model, band, criteria)
-        if lag is not None and lag[0] + least * lag[1] < -MAX_STAMP_ERROR:
-            found.append(LateStamps(name, -lag[0], -lag[0] * some[0].period, stated_lag - lag[0]))
+        lags = [lag_in_fast_sliding(some, one, band, criteria) for one in (model, without_presliding(model))]
+        sure = [lag for lag in lags if lag is not None and lag[0] + least * lag[1] < -MAX_STAMP_ERROR]
+        if len(sure) == len(lags):
+            lag, _ = min(sure, key=lambda one: one[1])
+            found.append(LateStamps(name, -lag, -lag * some[0].period, stated_lag - lag))
     return tuple(found)
+
+
+def without_presliding(model: Model) -> Model:
+    """Return a model whose contact slides nearly at once.
+
+    In a file whose elements are too soft, friction that is still changing looks like sliding friction, and like a lag.
+    """
+    stiffness = tuple(STIFFER * kappa for kappa in model.friction.element_stiffness)
+    return replace(model, friction=replace(model.friction, element_stiffness=stiffness))
+
+
+def is_surely_not_held(records: Sequence[Recording], model: Model, band: float, criteria: Criteria) -> bool:
+    """Return whether the effort of recordings surely is not held between samples.
+
+    Args:
+        records: recordings with one lag.
+        model: rough model; the stiffness of its elements does not count.
+        band: upper frequency of the residuals [Hz].
+        criteria: thresholds.
+    """
+    long = [record for record in records if record.duration >= MIN_DURATION]
+    lag = lag_in_fast_sliding(long, without_presliding(model), band, criteria) if long else None
+    return lag is not None and abs(lag[0]) + criteria.min_z_score * lag[1] < MIN_HELD_LAG
 
 
 def corrected(records: Sequence[Recording], found: Sequence[LateStamps]) -> tuple[Recording, ...]:
@@ -92,7 +119,7 @@ def corrected(records: Sequence[Recording], found: Sequence[LateStamps]) -> tupl
     return tuple(by_name[one.name].corrected(one) if one.name in by_name else one for one in records)
 
 
-def _lag_in_fast_sliding(
+def lag_in_fast_sliding(
     records: Sequence[Recording], model: Model, band: float, criteria: Criteria
 ) -> tuple[float, float] | None:
     """Return the common lag of the effort of recordings and its standard error [samples], or None without a sure fit.
@@ -101,6 +128,12 @@ def _lag_in_fast_sliding(
     beside a constant. Where every recording has a reference, it is the instrument: a controller feeds the noise of the
     encoder back into the effort. Without one, what the model lacks may correlate with the rate of the effort, and the
     lag has to close half of what mass and friction leave.
+
+    Args:
+        records: recordings with one lag.
+        model: the given model.
+        band: upper frequency of the residuals [Hz].
+        criteria: thresholds.
     """
     motions = [motion_of(record, EffortLag((0.0,)), band) for record in records]
     fast = slides_fast(model, motions)
