@@ -55,6 +55,7 @@ class AxisDraft:
         effort: largest effort [N or N m].
         residual: effort that mass and friction leave unexplained, rms [N or N m].
         period: time between two samples [s].
+        is_held: the effort acts until the next one.
         remarks: setting to the source of its value.
         warnings: sentences about values that the recording does not show.
     """
@@ -77,6 +78,7 @@ class AxisDraft:
     effort: float = 100.0
     residual: float = 0.1
     period: float = 1.0e-3
+    is_held: bool = True
     remarks: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 

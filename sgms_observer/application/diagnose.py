@@ -265,7 +265,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     ):  # the workers are threads; threads of the libraries would only wait for each other
         folder = Path(request.out)
         step = _CompensationStep((judge or learn)[0], settings, axis, folder, options)
-        answer, written, after = _diagnosed(learn, judge, step, show)
+        answer, written, after, step = _diagnosed(learn, judge, step, show)
         checks = (step.before, after)
         tracking = predict_tracking(step.record, axis, written, band.corner)
         if tracking is not None and (caution := tracking.caution(axis.units)):
@@ -301,6 +301,10 @@ class _CompensationStep:
         """Return the check of observer and compensation with the given model."""
         return self.of(self.axis)
 
+    def along(self, record: Recording) -> _CompensationStep:
+        """Return the step over another recording; the same step if it is the same recording."""
+        return self if record is self.record else replace(self, record=record)
+
     def of(self, axis: AxisSettings) -> CompensationCheck:
         """Return the check of observer and compensation with a model."""
         return check_compensation(self.record, axis, self.options.band, self.options.criteria.block)
@@ -326,8 +330,9 @@ class _CompensationStep:
 
 def _diagnosed(
     learn: Sequence[Recording], judge: Sequence[Recording], step: _CompensationStep, show: Callable[[float], None]
-) -> tuple[Answer, AxisSettings, CompensationCheck]:
-    """Return an answer whose feedforward leaves no more than that of the given file; the axis with it; what it leaves.
+) -> tuple[Answer, AxisSettings, CompensationCheck, _CompensationStep]:
+    """Return an answer whose feedforward leaves no more than that of the given file; the axis with it; what it leaves;
+    the step with the recording as it was judged, whose positions may be shifted.
 
     An effect that leaves a predictable part over its own coordinates is withdrawn, and so is one whose feedforward
     increases the residual. If no effect does, the changes of the file's values are withdrawn. If those do not either,
@@ -344,6 +349,8 @@ def _diagnosed(
     file = fitted_file(learn, judge, axis, options, go_on)
     while True:
         found = diagnose_from(file, options, go_on)
+        recordings = found.final_state.recordings
+        step = step.along((*recordings.holdouts, *recordings.records)[0])
         answer = answer_of(found, axis, options)
         if answer.doubtful:
             refused.append(max(answer.doubtful, key=lambda test: test.value))
@@ -364,4 +371,4 @@ def _diagnosed(
         later = step.of(written)
     else:
         answer = replace(answer, tests=(*answer.tests, test))
-    return replace(answer, tests=(*answer.tests, *refused)), written, later
+    return replace(answer, tests=(*answer.tests, *refused)), written, later, step

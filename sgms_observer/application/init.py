@@ -15,7 +15,12 @@ from sgms_observer.application.axis_draft import FRACTIONS, AxisDraft, recorded_
 from sgms_observer.application.axis_facts import read_axis_facts
 from sgms_observer.application.bag_info import doubts_about, find_position_topic, losses_in
 from sgms_observer.bags.source import survey_bag
-from sgms_observer.errors import ConfigurationError, RecordingError
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.late_stamps import is_surely_not_held
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.errors import ConfigurationError, DataError, RecordingError
+from sgms_observer.offline.band import choose_band
+from sgms_observer.offline.recording import read_recordings
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.units import PRISMATIC, Units
@@ -113,7 +118,12 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         (f"        window: {number(draft.window)}", "s: longer is smoother and later (the delay is half of it)"),
         ("        degree: 3", "of the polynomial over the window"),
         (f"        position_noise: {number(draft.noise)}", f"{length}, standard deviation of the encoder's noise"),
-        ("        effort_is_held: true", "the drive holds each effort until the next one"),
+        (
+            f"        effort_is_held: {str(draft.is_held).lower()}",
+            "the drive holds each effort until the next one"
+            if draft.is_held
+            else "the effort acts at its stamp; from the bag",
+        ),
         (f"        maximum_gap: {number(draft.pause(0.02))}", "s: after a longer pause filters and estimator restart"),
         (
             f"        jump_speed: {number(max(10.0, 10.0 * draft.speed))}",
@@ -268,9 +278,31 @@ def init(
             [f"the joint {odd[0]} cannot name a group of parameters; record or convert it as letters, digits, _ and -"]
         )
     text = _template_text(drafts, head)
-    settings_from_tree(yaml.load(text, Loader=yaml.SafeLoader), out)
+    settings = settings_from_tree(yaml.load(text, Loader=yaml.SafeLoader), out)
+    if bag is not None:
+        drafts = [
+            replace(draft, is_held=not _acts_at_stamps(bag, axis, topics))
+            for draft, axis in zip(drafts, settings.axes, strict=True)
+        ]
+        text = _template_text(drafts, head)
     write_text(text, out)
     return Initialised(out, tuple(drafts), tuple(found))
+
+
+def _acts_at_stamps(bag: str, axis: AxisSettings, topics: Mapping[str, str]) -> bool:
+    """Return whether the effort of a bag surely acts at its stamps; false where the bag does not show it.
+
+    Args:
+        bag: the recording.
+        axis: first values.
+        topics: names of the bag's topics where they differ.
+    """
+    try:
+        recordings = read_recordings(bag, axis, topics=topics)
+        band = choose_band(recordings, axis).corner
+    except DataError:
+        return False
+    return is_surely_not_held(recordings, Model.of(axis).with_effects(axis.effects), band, Criteria())
 
 
 def _from_bag(

@@ -19,7 +19,6 @@ from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, fi
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import Gap, WeightedResidual, interval, residuals, rms
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
-from sgms_observer.diagnosis.homing import homing_warnings
 from sgms_observer.diagnosis.load_change import other_load
 from sgms_observer.diagnosis.locate import Located, locate
 from sgms_observer.diagnosis.map_fit import FittedMap
@@ -341,8 +340,7 @@ def _warnings(
     units: Units,
 ) -> tuple[str, ...]:
     """Return the sentences for the user."""
-    models = [decision.candidate.refit.model for item in diagnosis.rounds for decision in item.decisions]
-    warnings = [*diagnosis.warnings, *homing_warnings(models, diagnosis.evaluation, units)]
+    warnings = list(diagnosis.warnings)
     if any(item.settings.name == PERIODIC_DISTURBANCE for item in effects):
         warnings.append(
             "the phase of periodic_disturbance is that of the first recording, and another in every run: leave the"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,9 @@ import numpy as np
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model, hidden_by_encoder
 from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.units import Units
 
 MIN_GRID_RATIO = 1.5
 """Smallest ratio of measured encoder step to configured resolution that is reported as a discrepancy."""
@@ -100,6 +103,23 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     configured = axis.stage.encoder.resolution
     coarser = configured > 0.0 and grid_step > MIN_GRID_RATIO * configured
     return Audit(tuple(notes), tuple(warnings), bool(poor), hidden, grid_step if coarser else None)
+
+
+def cut_off_warnings(records: Sequence[Recording], units: Units) -> tuple[str, ...]:
+    """Return a sentence about each log that shows no effort beyond a limit."""
+    found = []
+    for name in dict.fromkeys(record.name for record in records):
+        low, high = next(record.effort_limits for record in records if record.name == name)
+        limits = " and ".join(units.readable(limit, "N") for limit in (low, high) if math.isfinite(limit))
+        if not limits:
+            continue
+        effort = np.concatenate([record.effort for record in records if record.name == name])
+        share = float(np.mean((effort <= low) | (effort >= high)))
+        found.append(
+            f"the effort of {name} is cut off at {limits}, which {100.0 * share:.2g} % of the samples have: what the"
+            " model needs beyond was not judged. If the drive was not at its limit, log a larger range"
+        )
+    return tuple(found)
 
 
 def travel_of(motion: Motion) -> float:

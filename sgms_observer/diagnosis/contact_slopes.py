@@ -22,6 +22,7 @@ from sgms_observer.diagnosis.model import (
     parts_of,
     phase_slopes,
     predict,
+    shown,
     step_speed,
 )
 from sgms_observer.diagnosis.motion import Motion
@@ -80,12 +81,17 @@ def contact_slopes(nominal: Model, logs: Floats, motion: Motion) -> Floats:
     columns = (slopes @ by_logs).T  # the columns lie side by side in memory, as the low-pass needs them
     if model.relaxation > 0.0:
         columns += model.relaxation * np.gradient(columns, motion.period, axis=1)
-    if not parts.on_path:
+    if not (parts.on_path or motion.is_cut_off):
         return -columns - (phase_slopes(model, motion, columns) if parts.periodic else 0.0)
+    if parts.periodic:  # not on a path, see ``contact_parameters``
+        columns = columns + phase_slopes(model, motion, columns)
     needed = predict(model, motion).needed
-    command = needed_command(parts.on_path, needed, motion)
-    moved = [needed_command(parts.on_path, needed + PATH_STEP * column, motion) for column in columns]
-    return np.asarray((command - np.array(moved)) / PATH_STEP)
+
+    def command(force: Floats) -> Floats:
+        return shown(needed_command(parts.on_path, force, motion), motion)
+
+    moved = [command(needed + PATH_STEP * column) for column in columns]
+    return np.asarray((command(needed) - np.array(moved)) / PATH_STEP)
 
 
 def _by_logs(nominal: Model, logs: Floats, model: Model, shared: Floats) -> Floats:

@@ -1,12 +1,18 @@
-"""Position offset between recordings: an axis that is not homed has another position origin in each recording."""
+"""Position offset between recordings: an axis that is not homed has another position origin in each recording.
+
+Nothing that depends on the position can be judged on such a recording as it is. Where a ripple of the fitted recordings
+surely tells the offset, the recording is judged with its positions shifted.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
+from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.model import Model, predict
@@ -58,40 +64,96 @@ def position_offset(model: Model, motion: Motion, seconds: float | None = None) 
     if pitch is None:
         raise ValueError("no effect of the model is periodic in the position; the position offset is not identifiable")
     count = None if seconds is None else round(seconds / motion.residual_period)
-
-    def error(offset: float) -> float:
-        shifted = with_position_offset(motion, offset)
-        return float(np.sum(np.square(shifted.low_pass(predict(model, shifted).residual)[:count])))
-
     offsets = np.linspace(0.0, pitch, OFFSETS_PER_PITCH, endpoint=False)
-    return float(offsets[int(np.argmin([error(offset) for offset in offsets]))])
+    return float(offsets[int(np.argmin([_squared_residual(model, motion, offset, count) for offset in offsets]))])
 
 
-def homing_warnings(models: Sequence[Model], evaluation: EvaluationData, units: Units) -> list[str]:
-    """Return a warning for each held-out recording that has a position offset.
+def _squared_residual(model: Model, motion: Motion, offset: float, count: int | None = None) -> float:
+    """Return the sum of the squared residual with an offset of the position, of the first ``count`` samples [N^2]."""
+    shifted = with_position_offset(motion, offset)
+    return float(np.sum(np.square(shifted.low_pass(predict(model, shifted).residual)[:count])))
+
+
+@dataclass(frozen=True)
+class Shift:
+    """Offset of the position of a held-out recording.
+
+    Attributes:
+        place: index of the recording among the held-out ones.
+        name: of the recording.
+        offset: added to its positions, it fits what was learnt from the others best [m].
+        pitch: the offset is known within multiples of this length [m].
+    """
+
+    place: int
+    name: str
+    offset: float
+    pitch: float
+
+    def warning(self, units: Units) -> str:
+        """Return what the recording says, and what to do."""
+        pitch = units.readable(self.pitch)
+        return (
+            f"the position of {self.name} seems shifted by {units.readable(self.offset)}. It was judged with its"
+            f" positions shifted by this much, which is known within multiples of {pitch} only: effects of the position"
+            f" that do not repeat within {pitch} cannot be judged on {self.name}. If the axis was not homed before each"
+            " recording, home it"
+        )
+
+
+def shifts_in(diagnosis: Diagnosis) -> tuple[Shift, ...]:
+    """Return the sure offsets of held-out recordings.
 
     Args:
-        models: fitted models. The first with an effect that is periodic in the position counts.
-        evaluation: the recordings.
-        units: units of the axis.
+        diagnosis: with the recordings as they are. Of its hypotheses with an effect that is periodic in the position,
+            the one counts that fits best in the first round that has one.
     """
-    rippled = [model for model in models if pitch_of(model.effects) is not None]
-    if not rippled or not evaluation.has_held_out:
-        return []
-    model, criteria = rippled[0], evaluation.criteria
-    warnings = []
-    for motion, weights in zip(evaluation.motions, evaluation.weights, strict=True):
+    evaluation = diagnosis.evaluation
+    rounds = [[decision.candidate.refit for decision in item.decisions] for item in diagnosis.rounds]
+    for fits in (*rounds, [diagnosis.written.after]):
+        rippled = [fit for fit in fits if pitch_of(fit.model.effects) is not None]
+        if rippled and evaluation.has_held_out:
+            return position_shifts(min(rippled, key=lambda fit: fit.cost).model, evaluation)
+    return ()
+
+
+def position_shifts(model: Model, evaluation: EvaluationData) -> tuple[Shift, ...]:
+    """Return the sure offsets of held-out recordings.
+
+    Args:
+        model: model with an effect that is periodic in the position.
+        evaluation: the recordings.
+    """
+    criteria, found = evaluation.criteria, []
+    pitch = pitch_of(model.effects)
+    if pitch is None or not evaluation.has_held_out:
+        return ()
+    for place, (motion, weights) in enumerate(zip(evaluation.motions, evaluation.weights, strict=True)):
         here = weights * motion.low_pass(predict(model, motion).residual)
         closable = float(here @ here) - evaluation.floor**2 * len(here)
         if closable <= 0.0:
             continue
-        offset = position_offset(model, motion)
+        offset = _refined(model, motion, position_offset(model, motion), pitch / OFFSETS_PER_PITCH)
         shifted = with_position_offset(motion, offset)
         after = weights * shifted.low_pass(predict(model, shifted).residual)
         gain = improvement(*(in_blocks([part], [motion], criteria.block) for part in (here, after)))
         if gain.z_score > criteria.z_score_of(OFFSETS_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable:
-            warnings.append(
-                f"the position of {motion.name} seems shifted by {units.readable(offset)}. If the axis was not homed"
-                f" before each recording, home it; position-dependent effects cannot be judged on {motion.name}"
-            )
-    return warnings
+            found.append(Shift(place, motion.name, offset, pitch))
+    return tuple(found)
+
+
+def _refined(model: Model, motion: Motion, offset: float, step: float) -> float:
+    """Return the offset with the smallest residual within a step of another one [m]."""
+    ends = (offset - step, offset + step)
+    return float(minimize_scalar(lambda at: _squared_residual(model, motion, at), bounds=ends, method="bounded").x)
+
+
+def with_shifted_positions(state: FitState, shifts: Sequence[Shift]) -> FitState:
+    """Return the state with offsets added to the positions of held-out recordings."""
+    holdouts = list(state.recordings.holdouts)
+    for shift in shifts:
+        holdouts[shift.place] = holdouts[shift.place].shifted(shift.offset)
+    recordings = replace(state.recordings, holdouts=tuple(holdouts))
+    return replace(
+        state, recordings=recordings, held_out_motions=recordings.held_out([one.lag for one in state.held_out_motions])
+    )

@@ -111,11 +111,25 @@ def share_in_response(
     if count < 2:
         return None
     residual, columns, instruments = (np.concatenate(part)[: count * length] for part in zip(*parts, strict=True))
+    return Share(*first_strength(residual, columns, instruments, length))
+
+
+def first_strength(residual: Floats, columns: Floats, instruments: Floats, length: int) -> tuple[float, float]:
+    """Return the strength of the first column and its standard error, by its scatter between blocks.
+
+    Two-stage least squares; where the instruments are the columns, ordinary least squares.
+
+    Args:
+        residual: whole blocks of it, shape (n,).
+        columns: shape (n, k).
+        instruments: shape (n, at least k).
+        length: number of samples of a block.
+    """
     explained = instruments @ np.linalg.lstsq(instruments, columns, rcond=None)[0]
     strengths = np.linalg.lstsq(explained, residual, rcond=None)[0]
-    scores = (explained * (residual - columns @ strengths)[:, None]).reshape(count, length, -1).sum(axis=1)
+    scores = (explained * (residual - columns @ strengths)[:, None]).reshape(len(residual) // length, length, -1)
     inverse = np.linalg.pinv(explained.T @ explained)
-    return Share(float(strengths[0]), float(np.linalg.norm(scores @ inverse[0])))
+    return float(strengths[0]), float(np.linalg.norm(scores.sum(axis=1) @ inverse[0]))
 
 
 def _columns(
@@ -125,9 +139,19 @@ def _columns(
     (left,), (rest,) = (residuals(model, [motion]) for model in (others, with_it))
     acceleration = motion.low_pass(motion.acceleration)
     columns = np.column_stack([left - rest, acceleration, logarithmic_friction(motion.thinned(motion.velocity))])
+    return left[fast], columns[fast], instruments_of(motion, given)[fast]
+
+
+def instruments_of(motion: Motion, given: Floats) -> Floats:
+    """Return what the reference makes of friction, acceleration and its derivatives, shape (n, 6).
+
+    Args:
+        motion: the recording.
+        given: its set-points as recorded [m].
+    """
     velocity = np.gradient(motion.smoothed(given)[: len(motion.time)], motion.period)
     instruments, derivative = [logarithmic_friction(motion.thinned(velocity))], velocity
     for _ in ("acceleration", "jerk", "snap"):
         derivative = np.gradient(derivative, motion.period)
         instruments.append(motion.low_pass(derivative / max(float(np.std(derivative)), 1.0e-300))[:, None])
-    return left[fast], columns[fast], np.hstack(instruments)[fast]
+    return np.hstack(instruments)

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from sgms_observer.arrays import Floats
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.motion import PLAY_HALF_WIDTH, Motion, second_difference
 from sgms_observer.effects.catalogue import effect, is_built_in
@@ -168,13 +168,15 @@ class Prediction:
         sticking: 0 where the contact slides, 1 where it sticks; empty if the contact was not simulated.
         needed: force that the motion needs [N].
         phases: phase of each periodic disturbance in this recording [rad].
+        is_shown: whether the log shows the command, which is not beyond its limits.
     """
 
     residual: Floats
     friction: Floats
     sticking: Floats
     needed: Floats
-    phases: tuple[float, ...] = ()
+    phases: tuple[float, ...]
+    is_shown: Booleans
 
 
 @dataclass(frozen=True)
@@ -279,7 +281,13 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         phases.append(_phase_in(item, on_path, needed, command, motion))
         needed = needed + _periodic_force(item, phases[-1], motion)
         command = needed_command(on_path, needed, motion)
-    return Prediction(motion.effort - command, elements, sticking, needed, tuple(phases))
+    reading = shown(command, motion)
+    return Prediction(motion.effort - reading, elements, sticking, needed, tuple(phases), reading == command)
+
+
+def shown(command: Floats, motion: Motion) -> Floats:
+    """Return what the log shows of a command: no more than its limits [N]."""
+    return np.clip(command, *motion.effort_limits) if motion.is_cut_off else command
 
 
 def with_phases_of(model: Model, motion: Motion) -> Model:

@@ -22,6 +22,7 @@ from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.errors import DataError
 from sgms_observer.filters.zero_phase import zero_phase
 from sgms_observer.jit import njit
+from sgms_observer.offline.effort_range import NO_LIMITS
 from sgms_observer.offline.recording import Recording, Recordings
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -102,6 +103,7 @@ class Motion:
         resolution: encoder step; 0 if none is visible [m].
         lag: lag of the effort.
         band: upper frequency of the residuals [Hz].
+        effort_limits: limits beyond which the log shows no effort [N].
     """
 
     name: str
@@ -124,6 +126,12 @@ class Motion:
     resolution: float
     lag: EffortLag = EffortLag()
     band: float = BAND
+    effort_limits: tuple[float, float] = NO_LIMITS
+
+    @property
+    def is_cut_off(self) -> bool:
+        """Return whether the log shows no effort beyond a limit."""
+        return self.effort_limits != NO_LIMITS
 
     def smoothed(self, raw: Floats) -> Floats:
         """Return a position as recorded, filtered like ``position`` [m]."""
@@ -315,6 +323,7 @@ def motion_of(record: Recording, lag: EffortLag = EffortLag(), band: float = BAN
         resolution,
         lag,
         band,
+        record.effort_limits,
     )
 
 
@@ -323,11 +332,22 @@ def delayed(values: Floats, samples: Floats | float) -> Floats:
 
     Args:
         values: shape (n,).
-        samples: the delay, one for all samples or one for each, shape (n,).
+        samples: the delay, between -1 and 1, one for all samples or one for each, shape (n,).
     """
     late, early = np.maximum(samples, 0.0), np.maximum(-np.asarray(samples), 0.0)
     before, after = np.concatenate((values[:1], values[:-1])), np.concatenate((values[1:], values[-1:]))
     return np.asarray((1.0 - late - early) * values + late * before + early * after, dtype=np.float64)
+
+
+def advanced(values: Floats, samples: float) -> Floats:
+    """Return a series advanced by any number of samples (delayed if negative); its ends have the value of the ends.
+
+    Args:
+        values: shape (n,).
+        samples: by how many samples.
+    """
+    at = np.arange(len(values), dtype=np.float64)
+    return np.asarray(np.interp(at + samples, at, values), dtype=np.float64)
 
 
 @njit

@@ -41,6 +41,6 @@ def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Gene
     record = Recording(motion.name, motion.period, position, 0.5 * (effort + held), recorded_step=motion.resolution)
     made = motion_of(record, motion.lag, motion.band)
     return replace(
-        made, effort=effort, has_other=motion.has_other, other_velocity=motion.other_velocity,
-        other_acceleration=motion.other_acceleration,
+        made, effort=effort, effort_limits=motion.effort_limits, has_other=motion.has_other,
+        other_velocity=motion.other_velocity, other_acceleration=motion.other_acceleration,
     )  # fmt: skip

@@ -26,13 +26,16 @@ MAX_STICKING = 0.05
 def slides_fast(model: Model, motions: Sequence[Motion]) -> list[Booleans]:
     """Return for each motion the faster half of the samples of residuals at which the contact slides.
 
+    Samples at which the log cuts the effort off do not count: it shows nothing there.
+
     Args:
         model: simulates the contact.
         motions: the motions, if any. Their median speed while sliding divides the halves.
     """
-    slides = [
-        motion.thinned(motion.is_moving & (predict(model, motion).sticking <= MAX_STICKING)) for motion in motions
-    ]
+    slides = []
+    for motion in motions:
+        found = predict(model, motion)
+        slides.append(motion.thinned(motion.is_moving & (found.sticking <= MAX_STICKING) & found.is_shown))
     speeds = [np.abs(motion.thinned(motion.velocity)) for motion in motions]
     sliding = np.concatenate([np.zeros(0), *(speed[at] for speed, at in zip(speeds, slides, strict=True))])
     middle = float(np.median(sliding)) if len(sliding) else 0.0

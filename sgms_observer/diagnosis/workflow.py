@@ -33,6 +33,8 @@ from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup
 from sgms_observer.diagnosis.free_form import ALL
+from sgms_observer.diagnosis.homing import Shift, shifts_in, with_shifted_positions
+from sgms_observer.diagnosis.late_stamps import corrected, late_stamps
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD_LAG
@@ -66,11 +68,13 @@ class FittedFile:
         axis: settings with the nominal model.
         audited: what the recordings can show.
         state: the fit.
+        shifts: offsets that were added to the positions of held-out recordings.
     """
 
     axis: AxisSettings
     audited: audit.Audit
     state: FitState
+    shifts: tuple[Shift, ...] = ()
 
     @property
     def nominal(self) -> Model:
@@ -106,12 +110,16 @@ def fitted_file(
     report("audit", 0.0)
     stated_lag = HELD_LAG if axis.filter.effort_is_held else 0.0
     band = options.band or BAND
-    recordings = Recordings(tuple(records), tuple(holdouts), stated_lag, band)
+    known_effects = file_effects(axis)
+    given = Model.of(axis).with_effects(known_effects)
+    late = late_stamps([*records, *holdouts], given, stated_lag, band, options.criteria)
+    recordings = Recordings(corrected(records, late), corrected(holdouts, late), stated_lag, band)
     learn, held = recordings.motions(), recordings.held_out()
     if not learn:
         raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")
     audited = audit.audit(learn, axis)
-    known_effects = file_effects(axis)
+    of_logs = (*audit.cut_off_warnings([*records, *holdouts], axis.units), *(one.warning(axis.units) for one in late))
+    audited = replace(audited, warnings=(*audited.warnings, *of_logs))
     report("refit of the file within its tolerance", 0.03)
     fine = _without_effects(axis).with_split_elements()
     setup = RefitSetup(
@@ -157,7 +165,7 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
         options: options of the diagnosis.
         report: called with the current step and the completed share.
     """
-    audited, nominal = file.audited, file.nominal
+    start, audited, nominal = file, file.audited, file.nominal
     if audited.is_poor:
         report("refit of the file's own elements", LAST_SHARE)
         state, rounds, written = without_insignificant_effects(file.state, file.state, (), nominal, options)
@@ -171,11 +179,17 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
     warnings = list(audited.warnings)
     if file.axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
-    return Diagnosis(
+    warnings += [shift.warning(file.axis.units) for shift in file.shifts]
+    found = Diagnosis(
         nominal, file.known_effects, file.state, state, written, rounds, state.evaluation(options), audited.resolution,
         (*audited.notes, *notes_on_changes([*state.fit_motions, *state.held_out_motions])), tuple(warnings),
         audited.is_poor,
     )  # fmt: skip
+    shifts = () if start.shifts else shifts_in(found)
+    if not shifts:
+        return found
+    shifted = with_shifted_positions(start.state, shifts)
+    return diagnose_from(replace(start, state=shifted, shifts=shifts), options, report)
 
 
 def _may_need_wide_elements(state: FitState, rounds: Sequence[Round]) -> bool:

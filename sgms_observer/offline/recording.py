@@ -1,7 +1,8 @@
 """A recording prepared for identification and diagnosis: evenly sampled, finite, without gaps.
 
-Irregular stamps are brought to an even grid by a cubic through the samples. Equal and backward stamps are dropped.
-Pauses cut the recording into pieces; pieces that are too short are left out. Notes report these changes.
+Irregular stamps are brought to an even grid by a cubic through the samples. Where the stamps stray and the samples do
+not, the samples are the grid. Equal and backward stamps are dropped. Pauses cut the recording into pieces; pieces that
+are too short are left out. Notes report these changes.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from scipy.interpolate import CubicSpline
 from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
+from sgms_observer.offline.effort_range import effort_limits
 from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
 from sgms_observer.settings.axis import AxisSettings
 
@@ -33,6 +35,9 @@ _MAX_STRAY = 0.02  # share of the period by which a stamp may stray before the s
 _MAX_UNEVEN = 0.01  # share of the period by which a pause may differ from it in an even recording
 _MAX_TRIMMED = 10  # samples at either end that are dropped if only their pauses are uneven
 _MAX_PAUSE = 3.5  # periods; a longer pause cuts the recording
+_MIN_Z_SCORE = 3.0  # of the decrease of the position's noise for which stamps are not believed: Shewhart's limit
+_BLOCK = 20  # samples of a block in which the noise of two readings is compared: longer than what one sample reaches
+_RATES = 40  # quarters of a period by which the rough rate may be off over a whole piece
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,7 @@ class Recording:
         start: stamp of the first sample [s].
         other_position: position of another axis of the same recording [m or rad], shape (n,), or None.
         recorded_step: step of the positions' grid as they were recorded [m or rad]; None finds it in ``position``.
+        recorded_limits: limits of the efforts as they were recorded [N or N m]; None finds them in ``effort``.
     """
 
     name: str
@@ -58,6 +64,7 @@ class Recording:
     start: float = 0.0
     other_position: Floats | None = None
     recorded_step: float | None = None
+    recorded_limits: tuple[float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.position)
@@ -76,6 +83,11 @@ class Recording:
     def encoder_step(self) -> float:
         """Step of the grid the encoder counts on; 0 where none shows [m or rad]."""
         return encoder_step(self.position) if self.recorded_step is None else self.recorded_step
+
+    @cached_property
+    def effort_limits(self) -> tuple[float, float]:
+        """Limits beyond which the log shows no effort [N or N m]; infinite where there are none."""
+        return effort_limits(self.effort) if self.recorded_limits is None else self.recorded_limits
 
     @cached_property
     def position_noise(self) -> float:
@@ -112,6 +124,16 @@ class Recording:
         """
         noise = np.random.default_rng(seed).normal(0.0, self.position_noise, len(self))
         return replace(self, position=self.position + noise)
+
+    def shifted(self, offset: float) -> Recording:
+        """Return the recording with its origin of the position elsewhere.
+
+        Args:
+            offset: is added to positions and set-points [m or rad].
+        """
+        reference = None if self.reference_position is None else self.reference_position + offset
+        step = self.encoder_step  # of the positions as they were recorded
+        return replace(self, position=self.position + offset, reference_position=reference, recorded_step=step)
 
     def part(self, first: int, last: int) -> Recording:
         """Return some of the samples.
@@ -189,9 +211,11 @@ def _without_unit_of_log(piece: Recording) -> Recording:
         None if values is None else without_unit_rounding(values, noise)
         for values in (piece.reference_position, piece.other_position)
     )
+    of_effort = white_noise(piece.effort)
+    low, high = without_unit_rounding(np.array(piece.effort_limits), of_effort).tolist()
     return replace(
         piece, position=without_unit_rounding(piece.position, noise), reference_position=reference,
-        effort=without_unit_rounding(piece.effort, white_noise(piece.effort)), other_position=other,
+        effort=without_unit_rounding(piece.effort, of_effort), other_position=other, recorded_limits=(low, high),
     )  # fmt: skip
 
 
@@ -223,7 +247,7 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
         notes.append(f"{name}: {int(np.sum(~keep))} of {len(keep)} samples with duplicate or backward stamps dropped")
     seconds = (stamp[keep] - stamp[0]) * 1e-9
     signals = [values[good][keep] for values in (samples.position, samples.effort, samples.reference_position)]
-    step = encoder_step(signals[0])
+    step, limits = encoder_step(signals[0]), effort_limits(signals[1])
     pauses = np.diff(seconds)
     typical = float(np.median(pauses))
     whole = pauses <= _MAX_PAUSE * typical
@@ -241,17 +265,17 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
         notes.append(f"{name}: {skipped} pieces between pauses hold fewer than {MIN_SAMPLES} samples and were skipped"
                      f" ({lost} samples)")  # fmt: skip
     origin = float(stamp[0]) * 1e-9
-    pieces, strayed = [], 0.0
+    pieces, readings = [], []
     for a, b in spans:
-        piece, stray = _even_piece(name, period, seconds[a:b], [values[a:b] for values in signals], origin)
-        piece = replace(piece, recorded_step=step)
-        strayed = max(strayed, stray)
+        reading = _even_reading(period, seconds[a:b], [values[a:b] for values in signals])
+        readings.append(reading)
+        position, effort, reference = reading.signals
+        piece = Recording(
+            name, reading.period, position, effort, reference, origin + reading.start, recorded_step=step,
+            recorded_limits=limits,
+        )  # fmt: skip
         pieces.append(piece if other is None else replace(piece, other_position=_other_position(piece, other)))
-    if strayed > _MAX_STRAY:
-        notes.append(
-            f"{name}: stamps stray by up to {strayed:.2g} periods; the signals were interpolated at"
-            f" {1.0 / period:.6g} Hz"
-        )
+    notes += _notes_on_stamps(name, readings)
     return Recordings(tuple(pieces), tuple(notes))
 
 
@@ -266,24 +290,111 @@ def _mean_period(pauses: Floats, typical: float) -> float:
     return float(np.median((seconds[half:] - seconds[: len(seconds) - half]) / (counts[half:] - counts[:-half])))
 
 
-def _even_piece(
-    name: str, period: float, seconds: Floats, signals: Sequence[Floats], origin: float
-) -> tuple[Recording, float]:
-    """Return one piece on an even grid, interpolated only where the stamps stray, and by how many periods they do."""
+@dataclass(frozen=True)
+class _Reading:
+    """One piece on an even grid.
+
+    Attributes:
+        period: time between two samples [s].
+        start: time of its first sample [s].
+        signals: position, effort and reference.
+        stray: by how many periods stamps stray at most.
+        believes_stamps: whether the signals were read at their stamps, or at even times.
+        missing: number of samples between others that the log lacks.
+    """
+
+    period: float
+    start: float
+    signals: Sequence[Floats]
+    stray: float
+    believes_stamps: bool = True
+    missing: int = 0
+
+
+def _even_reading(period: float, seconds: Floats, signals: Sequence[Floats]) -> _Reading:
+    """Return one piece on an even grid, interpolated only where its stamps stray or samples are missing.
+
+    The stamps may be wrong rather than the times of the samples: a logger stamps on arrival what a drive sampled
+    evenly. Stamps are believed unless the position is surely smoother without them.
+    """
     seconds, signals = _without_odd_ends(seconds, signals, period)
     count = round(float(seconds[-1] - seconds[0]) / period) + 1
     grid = seconds[0] + period * np.arange(count)
     stray = float(np.max(np.abs(grid - seconds))) / period if count == len(seconds) else 1.0
     if float(np.max(np.abs(np.diff(seconds) - period))) <= _MAX_UNEVEN * period:  # a clock whose rate drifts
         stray = 0.0
+    start = float(seconds[0])
     if stray <= _MAX_STRAY:
-        position, effort, reference = (np.ascontiguousarray(values, dtype=np.float64) for values in signals)
-    else:
-        inside = np.clip(grid, seconds[0], seconds[-1])
-        position, effort = (np.asarray(CubicSpline(seconds, values)(inside)) for values in signals[:2])
-        reference = np.interp(inside, seconds, signals[2])
-    start = origin + float(seconds[0])
-    return Recording(name, period, position, effort, reference, start), stray
+        return _Reading(period, start, [np.ascontiguousarray(values, dtype=np.float64) for values in signals], stray)
+    stamped = _Reading(period, start, _interpolated(seconds, signals, np.clip(grid, seconds[0], seconds[-1])), stray)
+    number = _sample_numbers((seconds - start) / period)
+    if np.any(np.diff(number) < 1.0):
+        return stamped
+    even = _interpolated(number, signals, np.arange(number[-1] + 1.0))
+    if not _is_surely_smoother(even[0], stamped.signals[0]):
+        return stamped
+    period, begin = (float(value) for value in np.polyfit(number, seconds, 1))
+    stray, missing = (
+        float(np.max(np.abs(seconds - begin - period * number))),
+        round(float(number[-1])) + 1 - len(number),
+    )
+    return _Reading(period, begin, even, stray / period, False, missing)
+
+
+def _sample_numbers(periods: Floats) -> Floats:
+    """Return the numbers of evenly taken samples from their inexact times, from 0.
+
+    The rate of the samples is where the spectrum of their times has its peak, so that missing samples and single wrong
+    times do not shift it.
+
+    Args:
+        periods: times of the samples from the first one, in rough periods, shape (n,).
+    """
+    rates = 1.0 + np.arange(-_RATES, _RATES + 1) / (4.0 * periods[-1])
+    spectrum = [np.sum(np.exp(-2.0j * np.pi * rate * periods)) for rate in rates]
+    best = int(np.argmax(np.abs(spectrum)))
+    phase = -float(np.angle(spectrum[best])) / (2.0 * np.pi)
+    number = np.round(rates[best] * periods - phase)
+    return np.asarray(number - number[0], dtype=np.float64)
+
+
+def _interpolated(times: Floats, signals: Sequence[Floats], wanted: Floats) -> list[Floats]:
+    """Return position and effort by a cubic through the samples, and the reference by straight lines."""
+    position, effort = (np.asarray(CubicSpline(times, values)(wanted)) for values in signals[:2])
+    return [position, effort, np.interp(wanted, times, signals[2])]
+
+
+def _is_surely_smoother(position: Floats, other: Floats) -> bool:
+    """Return whether third differences of a position are surely smaller than those of another reading of it.
+
+    Those of a smooth motion are small, and what wrong times add to a motion is not smooth. Their rms is compared in
+    blocks of time. The standard error of the decrease follows from its scatter, so that no single block decides.
+    """
+    count = min(len(position), len(other)) - 3
+    blocks = np.arange(0, count, _BLOCK)
+    ours, theirs = (
+        np.sqrt(np.add.reduceat(np.square(np.diff(values, 3)[:count]), blocks)) for values in (position, other)
+    )
+    return bool(np.sum(theirs - ours) > _MIN_Z_SCORE * float(np.linalg.norm(theirs - ours)))
+
+
+def _notes_on_stamps(name: str, readings: Sequence[_Reading]) -> list[str]:
+    """Return sentences about the pieces whose stamps stray."""
+    notes = []
+    for believes in (True, False):
+        some = [one for one in readings if one.believes_stamps is believes]
+        stray = max((one.stray for one in some), default=0.0)
+        if stray <= _MAX_STRAY:
+            continue
+        rate = 1.0 / some[0].period
+        if believes:
+            how = f"the signals were interpolated at {rate:.6g} Hz"
+        else:
+            missing = sum(one.missing for one in some)
+            lost = f"; {missing} missing samples were interpolated" if missing else ""
+            how = f"the positions show that the samples were taken evenly, at {rate:.6g} Hz{lost}"
+        notes.append(f"{name}: stamps stray by up to {stray:.2g} periods; {how}")
+    return notes
 
 
 def _without_odd_ends(seconds: Floats, signals: Sequence[Floats], period: float) -> tuple[Floats, Sequence[Floats]]:

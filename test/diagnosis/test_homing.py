@@ -5,8 +5,11 @@ from dataclasses import replace
 import pytest
 from workflow_case import AXIS, evaluation_of, record
 
+from sgms_observer.diagnosis import workflow
+from sgms_observer.diagnosis.answer import answer_of
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.homing import OFFSETS_PER_PITCH, homing_warnings, pitch_of, position_offset
+from sgms_observer.diagnosis.homing import OFFSETS_PER_PITCH, pitch_of, position_offset, position_shifts
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.settings.axis import EffectSettings
@@ -36,11 +39,32 @@ def test_the_ripple_tells_where_a_recording_counts_from() -> None:
 
 
 def test_a_recording_that_counts_from_elsewhere_is_told_and_a_homed_one_is_not() -> None:
-    (sentence,) = homing_warnings([RIPPLED], evaluation(LACKS), UNITS)
-    assert "seems shifted by 3.67 mm. If the axis was not homed" in sentence
-    assert homing_warnings([RIPPLED], evaluation(0.0), UNITS) == []
-    assert homing_warnings([Model.of(AXIS).with_effects([OFFSET])], evaluation(LACKS), UNITS) == []
-    assert homing_warnings([RIPPLED], evaluation(LACKS, is_unseen=False), UNITS) == []
+    (shift,) = position_shifts(RIPPLED, evaluation(LACKS))
+    assert shift.offset == pytest.approx(LACKS, abs=0.1 * PITCH / OFFSETS_PER_PITCH) and shift.pitch == PITCH
+    assert "seems shifted by 3.69 mm. It was judged with" in shift.warning(UNITS)
+    assert position_shifts(RIPPLED, evaluation(0.0)) == ()
+    assert position_shifts(Model.of(AXIS).with_effects([OFFSET]), evaluation(LACKS)) == ()
+    assert position_shifts(RIPPLED, evaluation(LACKS, is_unseen=False)) == ()
+
+
+@pytest.mark.parametrize("lacks", [0.0, LACKS])
+def test_a_ripple_has_its_name_where_the_held_out_recording_counts_from_elsewhere(
+    lacks: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "cogging"))
+    learn, homed = (record((COGGING,), seed=seed, duration=12.0, period=0.004) for seed in (1, 3))
+    judge = replace(homed, name="elsewhere", position=homed.position - lacks, reference_position=homed.position - lacks)
+    options = Options(workers=1, band=25.0)
+    answer = answer_of(workflow.diagnose([learn], [judge], AXIS, options), AXIS, options)
+    assert answer.verdict == "effect_found"
+    (found,) = answer.effects
+    assert found.settings.values[:3] == pytest.approx(COGGING.values[:3], rel=0.03)
+    told = [text for text in answer.warnings if text.startswith("the position of elsewhere seems shifted by")]
+    assert len(told) == (lacks > 0.0)
+    (judged,) = answer.diagnosis.final_state.recordings.holdouts
+    assert judged.reference_position is not None
+    assert judged.position == pytest.approx(homed.position, abs=0.005 * PITCH)
+    assert judged.reference_position == pytest.approx(homed.position, abs=0.005 * PITCH)
 
 
 def test_the_longest_pitch_counts() -> None:

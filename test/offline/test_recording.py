@@ -75,6 +75,44 @@ def test_jitter_is_interpolated_with_a_note() -> None:
     assert np.abs(piece.position - true)[5:-5].max() < 2.0e-5  # a straight line between samples is off by 1e-4
 
 
+def _strayed(moves: float = 1.0, samples_stray: bool = False) -> Samples:
+    """Return samples whose stamps stray by a tenth of a period; every 250th is missing.
+
+    Args:
+        moves: share of the time in which the position moves; then it rests.
+        samples_stray: whether the samples were taken at their stamps, or evenly.
+    """
+    rng, count = np.random.default_rng(7), 6000
+    even = 1.0e-3 * np.arange(count)
+    stamps = even + rng.normal(0.0, 1.0e-4, count)
+    position = np.sin(2.0 * np.pi * np.minimum(stamps if samples_stray else even, moves * even[-1]))
+    position += rng.normal(0.0, 1.0e-6, count)
+    kept = np.arange(1, count + 1) % 250 != 0
+    kept[-1] = True
+    nothing = np.full(np.count_nonzero(kept), np.nan)
+    stamp = np.rint((1.0 + stamps[kept]) * 1e9).astype(np.int64)
+    return Samples(stamp, position[kept], position[kept], nothing, nothing)
+
+
+@pytest.mark.parametrize("moves", [1.0, 0.2])
+def test_samples_that_were_taken_evenly_are_not_moved_to_stamps_that_stray(moves: float) -> None:
+    found = recordings_from_samples(_strayed(moves), "log")
+    (piece,), (note,) = found.pieces, found.notes
+    assert piece.period == pytest.approx(1.0e-3, rel=1.0e-5) and piece.start == pytest.approx(1.0, abs=1.0e-5)
+    true = np.sin(2.0 * np.pi * np.minimum(1.0e-3 * np.arange(6000), moves * 5.999))
+    assert np.abs(piece.position - true).max() < 1.0e-5  # 2e-3 at the stamps
+    assert "the positions show that the samples were taken evenly, at" in note
+    assert note.endswith("; 23 missing samples were interpolated")
+
+
+def test_samples_that_were_taken_at_their_stamps_are_read_there() -> None:
+    found = recordings_from_samples(_strayed(samples_stray=True), "log")
+    (piece,), (note,) = found.pieces, found.notes
+    assert "the signals were interpolated at" in note
+    true = np.sin(2.0 * np.pi * (piece.start - 1.0 + piece.period * np.arange(len(piece))))
+    assert np.abs(piece.position - true)[5:-5].max() < 1.0e-5
+
+
 def test_a_hiccup_leaves_a_short_piece_out_and_goes_on() -> None:
     stamp = np.arange(COUNT) * 1_000_000
     stamp[150:] += 1_000_000_000

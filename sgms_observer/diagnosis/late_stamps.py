@@ -1,0 +1,181 @@
+"""An effort that acts before its stamp: the log stamps it late, or the position early.
+
+No machine makes such a lag: a cause comes before what it does. A drive that reports a filtered or averaged effort, a
+slower bus for the effort, and a table whose columns are off by a row make it. The lag is read while the contact slides
+fast, beside mass and friction, where contact laws hardly differ, and the effort is read as much earlier.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sgms_observer.arrays import Floats
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR, MIN_HELD_LAG
+from sgms_observer.diagnosis.instruments import first_strength, instruments_of
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import EDGE_TIME, MIN_DURATION, EffortLag, Motion, advanced, motion_of
+from sgms_observer.diagnosis.sliding import logarithmic_friction, slides_fast
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.units import Units
+
+MAX_STEPS = 20
+"""Largest number of steps of the fit of a lag."""
+MAX_STEP = 2.0
+"""Largest step of the fit [samples]: the fit is linear in a small lag only."""
+MIN_STEP = 0.01
+"""Step at which the fit has converged [samples]."""
+STIFFER = 1.0e3
+"""Factor on the stiffness of the elements for a contact that slides nearly at once."""
+LAG_STEP = 0.1
+"""Step of the derivative with respect to the lag [samples]."""
+
+
+@dataclass(frozen=True)
+class LateStamps:
+    """Recordings of one name whose effort acts before its stamp.
+
+    Attributes:
+        name: of the recordings.
+        samples: by how many samples it acts before its stamp.
+        seconds: the same [s].
+        shift: by how many samples it is late, compared with the lag of the settings.
+    """
+
+    name: str
+    samples: float
+    seconds: float
+    shift: float
+
+    def warning(self, units: Units) -> str:
+        """Return what the recording says, and what to do."""
+        return (
+            f"the effort of {self.name} acts before its stamp, by {units.readable(self.seconds, 's')}"
+            f" ({self.samples:.2g} samples), and was read earlier. Stamp effort and position when they are"
+            " taken, and log an effort that is not filtered"
+        )
+
+    def corrected(self, record: Recording) -> Recording:
+        """Return a recording of this name whose effort has the lag of the settings."""
+        limits = record.effort_limits  # of the efforts as they were recorded
+        return replace(record, effort=advanced(record.effort, self.shift), recorded_limits=limits)
+
+
+def late_stamps(
+    records: Sequence[Recording], model: Model, stated_lag: float, band: float, criteria: Criteria
+) -> tuple[LateStamps, ...]:
+    """Return the recordings whose effort surely acts before its stamp, by more than inexact stamps make.
+
+    Args:
+        records: all recordings. Those of one name are pieces of one log and have one lag.
+        model: the given model.
+        stated_lag: lag of the effort that follows from the settings, in samples.
+        band: upper frequency of the residuals [Hz].
+        criteria: thresholds.
+    """
+    if any(item.name == "actuator_delay" for item in model.effects):
+        return ()  # a lag of the effort may then be an error of this delay
+    names = list(dict.fromkeys(record.name for record in records))
+    least, found = criteria.z_score_of(len(names)), []
+    for name in names:
+        some = [record for record in records if record.name == name]
+        lags = [lag_in_fast_sliding(some, one, band, criteria) for one in (model, without_presliding(model))]
+        sure = [lag for lag in lags if lag is not None and lag[0] + least * lag[1] < -MAX_STAMP_ERROR]
+        if len(sure) == len(lags):
+            lag, _ = min(sure, key=lambda one: one[1])
+            found.append(LateStamps(name, -lag, -lag * some[0].period, stated_lag - lag))
+    return tuple(found)
+
+
+def without_presliding(model: Model) -> Model:
+    """Return a model whose contact slides nearly at once.
+
+    In a file whose elements are too soft, friction that is still changing looks like sliding friction, and like a lag.
+    """
+    stiffness = tuple(STIFFER * kappa for kappa in model.friction.element_stiffness)
+    return replace(model, friction=replace(model.friction, element_stiffness=stiffness))
+
+
+def is_surely_not_held(records: Sequence[Recording], model: Model, band: float, criteria: Criteria) -> bool:
+    """Return whether the effort of recordings surely is not held between samples.
+
+    Args:
+        records: recordings with one lag.
+        model: rough model; the stiffness of its elements does not count.
+        band: upper frequency of the residuals [Hz].
+        criteria: thresholds.
+    """
+    long = [record for record in records if record.duration >= MIN_DURATION]
+    lag = lag_in_fast_sliding(long, without_presliding(model), band, criteria) if long else None
+    return lag is not None and abs(lag[0]) + criteria.min_z_score * lag[1] < MIN_HELD_LAG
+
+
+def corrected(records: Sequence[Recording], found: Sequence[LateStamps]) -> tuple[Recording, ...]:
+    """Return recordings whose efforts have the lag of the settings."""
+    by_name = {item.name: item for item in found}
+    return tuple(by_name[one.name].corrected(one) if one.name in by_name else one for one in records)
+
+
+def lag_in_fast_sliding(
+    records: Sequence[Recording], model: Model, band: float, criteria: Criteria
+) -> tuple[float, float] | None:
+    """Return the common lag of the effort of recordings and its standard error [samples], or None without a sure fit.
+
+    The residual is fitted with the change of the effort by a lag, a mass, and Coulomb, viscous and logarithmic friction
+    beside a constant. Where every recording has a reference, it is the instrument: a controller feeds the noise of the
+    encoder back into the effort. Without one, what the model lacks may correlate with the rate of the effort, and the
+    lag has to close half of what mass and friction leave.
+
+    Args:
+        records: recordings with one lag.
+        model: the given model.
+        band: upper frequency of the residuals [Hz].
+        criteria: thresholds.
+    """
+    motions = [motion_of(record, EffortLag((0.0,)), band) for record in records]
+    fast = slides_fast(model, motions)
+    length = round(criteria.block / motions[0].residual_period)
+    count = sum(int(np.count_nonzero(at)) for at in fast) // length * length
+    if count < 2 * length:
+        return None
+
+    def together(parts: Sequence[Floats]) -> Floats:
+        return np.concatenate([values[at] for values, at in zip(parts, fast, strict=True)])[:count]
+
+    commands = [motion.low_pass(motion.effort - predict(model, motion).residual) for motion in motions]
+    others = together([_mass_and_friction(motion) for motion in motions])
+    references = [reference for record in records if (reference := record.whole_reference) is not None]
+    instruments = None
+    if len(references) == len(motions):
+        given = together([instruments_of(*pair) for pair in zip(motions, references, strict=True)])
+        instruments = np.column_stack([given, np.ones(count)])
+    lag, first = 0.0, together([motion.low_pass(motion.effort) for motion in motions]) - together(commands)
+    for _ in range(MAX_STEPS):
+        now, later = (
+            together([motion.low_pass(advanced(motion.effort, -at / motion.step)) for motion in motions])
+            for at in (lag, lag + LAG_STEP)
+        )
+        residual, columns = now - together(commands), np.column_stack([(now - later) / LAG_STEP, others])
+        step, error = first_strength(residual, columns, columns if instruments is None else instruments, length)
+        lag += float(np.clip(step, -MAX_STEP, MAX_STEP))
+        if abs(lag) * records[0].period > EDGE_TIME:
+            return None
+        if abs(step) < MIN_STEP:
+            closed = 1.0 - _squared_beside(others, residual) / max(_squared_beside(others, first), 1.0e-300)
+            return (lag, error) if instruments is not None or closed >= criteria.min_imitable_share else None
+    return None
+
+
+def _squared_beside(columns: Floats, residual: Floats) -> float:
+    """Return the squared residual that the best strengths of columns leave."""
+    return float(np.sum((residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]) ** 2))
+
+
+def _mass_and_friction(motion: Motion) -> Floats:
+    """Return the forces that are fitted beside a lag, shape (n, 5)."""
+    acceleration = motion.low_pass(motion.acceleration)
+    friction = logarithmic_friction(motion.thinned(motion.velocity))
+    return np.column_stack([acceleration, friction, np.ones(len(acceleration))])
