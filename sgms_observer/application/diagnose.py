@@ -268,7 +268,10 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         answer, written, after, step = _diagnosed(learn, judge, step, show)
         checks = (step.before, after)
         tracking = predict_tracking(step.record, axis, written, band.corner)
-        if tracking is not None and (caution := tracking.caution(axis.units)):
+        caution = "" if tracking is None else tracking.caution(axis.units)
+        if tracking is not None and tracking.recorded is None:
+            notes.append(caution)
+        elif caution:
             answer = replace(answer, warnings=(*answer.warnings, caution))
     write_result(answer, checks, tracking, axis.units, folder)
     traces = traces_of(answer)
