@@ -107,7 +107,8 @@ class _Loop:
 
     def with_controller(self, shown: RecordedController) -> _Loop:
         """Return the loop with the controller that the recording shows."""
-        truth = replace(self.truth, stage=replace(self.truth.stage, controller=shown.settings))
+        stage = replace(self.truth.stage, controller=shown.settings)
+        truth = replace(self.truth, mass=stage.mass, stage=stage)  # its gains are scaled with the mass of the stage
         return replace(self, truth=truth, shown=shown)
 
     def tracking(self, given: AxisSettings, augmented: AxisSettings) -> PredictedTracking | None:

@@ -300,7 +300,7 @@ def _acts_at_stamps(bag: str, axis: AxisSettings, topics: Mapping[str, str]) -> 
     try:
         recordings = read_recordings(bag, axis, topics=topics)
         band = choose_band(recordings, axis).corner
-    except DataError:
+    except (DataError, RecordingError):
         return False
     return is_surely_not_held(recordings, Model.of(axis).with_effects(axis.effects), band, Criteria())
 

@@ -108,12 +108,12 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
 def cut_off_warnings(records: Sequence[Recording], units: Units) -> tuple[str, ...]:
     """Return a sentence about each log that shows no effort beyond a limit."""
     found = []
-    for name in dict.fromkeys(record.name for record in records):
-        low, high = next(record.effort_limits for record in records if record.name == name)
+    for name, (low, high) in dict.fromkeys((record.name, record.effort_limits) for record in records):
         limits = " and ".join(units.readable(limit, "N") for limit in (low, high) if math.isfinite(limit))
         if not limits:
             continue
-        effort = np.concatenate([record.effort for record in records if record.name == name])
+        same = [record.effort for record in records if (record.name, record.effort_limits) == (name, (low, high))]
+        effort = np.concatenate(same)
         share = float(np.mean((effort <= low) | (effort >= high)))
         found.append(
             f"the effort of {name} is cut off at {limits}, which {100.0 * share:.2g} % of the samples have: what the"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -27,6 +28,7 @@ from sgms_observer.diagnosis.ranges import plausible_range, unit_of
 from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, total_force_logs
 from sgms_observer.diagnosis.whitened import WhitenedData
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.effect import EffectParameter
 from sgms_observer.settings.axis import EffectSettings
 
 ELEMENT_TOLERANCE_RATIO = 15.0
@@ -162,7 +164,8 @@ class Refit:
                 if values[strength] * (like[strength] or 1.0) < 0.0:
                     values[strength], values[angle] = -values[strength], values[angle] + np.pi
                     flips[first + self.free.index((i, strength))] = -1.0
-                values[angle] -= 2.0 * np.pi * np.round((values[angle] - like[angle]) / (2.0 * np.pi))
+                turns = np.round((values[angle] - like[angle]) / (2.0 * np.pi))
+                values[angle] = _within_turns(values[angle] - 2.0 * np.pi * turns, effect(item.name).parameters[angle])
             effects[i] = replace(item, values=tuple(map(float, values)))
         count = len(effects)
         model = replace(self.model, effects=(*self.model.effects[: len(self.model.effects) - count], *effects))
@@ -395,6 +398,13 @@ def refit(
         model, x[:n].copy(), moved, here[: len(here) - problem.prior_count], 0.5 * float(here @ here), jacobian,
         problem.units(x), problem.free, is_converged,
     )  # fmt: skip
+
+
+def _within_turns(angle: float, parameter: EffectParameter) -> float:
+    """Return the same angle within the range of its parameter, which is at least one turn wide [rad]."""
+    turns_down = math.ceil(max(angle - parameter.maximum, 0.0) / (2.0 * math.pi))
+    turns_up = math.ceil(max(parameter.minimum - angle, 0.0) / (2.0 * math.pi))
+    return angle + 2.0 * math.pi * (turns_up - turns_down)
 
 
 def _at_bounds(x: Floats, low: Floats, high: Floats) -> Floats:

@@ -94,10 +94,9 @@ class Shift:
         """Return what the recording says, and what to do."""
         pitch = units.readable(self.pitch)
         return (
-            f"the position of {self.name} seems shifted by {units.readable(self.offset)}. It was judged with its"
-            f" positions shifted by this much, which is known within multiples of {pitch} only: effects of the position"
-            f" that do not repeat within {pitch} cannot be judged on {self.name}. If the axis was not homed before each"
-            " recording, home it"
+            f"the positions of {self.name} seem to lack {units.readable(self.offset)}, up to multiples of {pitch}. It"
+            " was judged with this length added to them: effects of the position that do not repeat within"
+            f" {pitch} cannot be judged on {self.name}. If the axis was not homed before each recording, home it"
         )
 
 

@@ -147,7 +147,7 @@ def lag_in_fast_sliding(
 
     commands = [motion.low_pass(motion.effort - predict(model, motion).residual) for motion in motions]
     others = together([_mass_and_friction(motion) for motion in motions])
-    references = [reference for record in records if (reference := record.whole_reference) is not None]
+    references = [reference for record in records if (reference := _moving_reference(record)) is not None]
     instruments = None
     if len(references) == len(motions):
         given = together([instruments_of(*pair) for pair in zip(motions, references, strict=True)])
@@ -159,6 +159,8 @@ def lag_in_fast_sliding(
             for at in (lag, lag + LAG_STEP)
         )
         residual, columns = now - together(commands), np.column_stack([(now - later) / LAG_STEP, others])
+        if not np.any(columns[:, 0]):
+            return None
         step, error = first_strength(residual, columns, columns if instruments is None else instruments, length)
         lag += float(np.clip(step, -MAX_STEP, MAX_STEP))
         if abs(lag) * records[0].period > EDGE_TIME:
@@ -167,6 +169,12 @@ def lag_in_fast_sliding(
             closed = 1.0 - _squared_beside(others, residual) / max(_squared_beside(others, first), 1.0e-300)
             return (lag, error) if instruments is not None or closed >= criteria.min_imitable_share else None
     return None
+
+
+def _moving_reference(record: Recording) -> Floats | None:
+    """Return the set-points of a recording, or None without them and where they stand still."""
+    reference = record.whole_reference
+    return reference if reference is not None and np.ptp(reference) > record.encoder_step else None
 
 
 def _squared_beside(columns: Floats, residual: Floats) -> float:

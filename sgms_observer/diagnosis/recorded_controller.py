@@ -64,7 +64,7 @@ def recorded_controller(
         record: position, effort and reference.
         mass: that the settings are scaled with [kg].
         given: settings of the file; the limit of the effort is taken from them.
-        compensation: that of the file along the reference [N], shape (n,).
+        compensation: of the whole model along the recorded motion [N], shape (n,).
         band: upper corner of the band [Hz].
 
     Returns:

@@ -179,7 +179,7 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
     warnings = list(audited.warnings)
     if file.axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
-    warnings += [shift.warning(file.axis.units) for shift in file.shifts]
+    warnings += [shift.warning(file.axis.units) for shift in {one.name: one for one in file.shifts}.values()]
     found = Diagnosis(
         nominal, file.known_effects, file.state, state, written, rounds, state.evaluation(options), audited.resolution,
         (*audited.notes, *notes_on_changes([*state.fit_motions, *state.held_out_motions])), tuple(warnings),
@@ -422,9 +422,9 @@ def _is_predictable(model: Model, evaluation: EvaluationData) -> bool:
 
 
 def _sure_predictions(last: Round) -> frozenset[str]:
-    """Return the hypotheses that predicted significantly better than the model before a round, but were not added.
+    """Return the hypotheses that predicted significantly better than the model before a round.
 
-    The noise is fitted to what the added one leaves, so it may contain one of them, and nothing else is missing.
+    The noise is fitted to what the added one leaves, so it may contain another of them, and nothing else is missing.
     """
     assert last.accepted is not None
     return frozenset(item.candidate.name for item in last.decisions if item.tests[0].passed)

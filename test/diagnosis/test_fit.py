@@ -85,16 +85,23 @@ def test_without_an_effect_of_the_file_it_stays_within_its_tolerance() -> None:
     assert effects == (changed,) and alone is setup
 
 
-@pytest.mark.parametrize("of_file", [(), (EffectSettings("cogging", (-0.8, 0.004, 1.0 - np.pi, 0.0, 0.0)),)])
+@pytest.mark.parametrize(
+    ("of_file", "found_values"),
+    [
+        (None, (0.8, 0.004, 1.0, 0.0, 0.0)),
+        ((-0.8, 0.004, 1.0 - np.pi, 0.0, 0.0), (-0.8, 0.004, 1.0 - np.pi, 0.0, 0.0)),
+        ((0.8, 0.004, 6.0, 0.0, 0.0), (0.8, 0.004, 1.0, 0.0, 0.0)),  # 1 + 2 pi lies beyond the range of the angle
+    ],
+)
 def test_a_sine_is_written_as_the_file_writes_it_or_with_a_positive_amplitude(
-    of_file: tuple[EffectSettings, ...],
+    of_file: tuple[float, ...] | None, found_values: tuple[float, ...]
 ) -> None:
-    setup = replace(setup_for(COGGING), file_effects=of_file)
+    listed = () if of_file is None else (replace(COGGING, values=of_file),)
+    setup = replace(setup_for(COGGING), file_effects=listed)
     start = replace(COGGING, values=(-0.7, 0.004, 1.1 + np.pi, 0.0, 0.0))
     fixed = [(0, 3), (0, 4)]
     found = setup.fit((start,), None, fixed)
-    wanted = of_file[0] if of_file else COGGING
-    assert found.effects[0].values == pytest.approx(wanted.values, rel=0.02, abs=0.02)
+    assert found.effects[0].values == pytest.approx(found_values, rel=0.02, abs=0.02)
     assert found.model.effects == found.effects
     again = setup.fit(found.effects, found.logs, fixed, evaluations=1)
     assert again.cost == pytest.approx(found.cost, rel=1.0e-9)

@@ -41,7 +41,7 @@ def test_the_ripple_tells_where_a_recording_counts_from() -> None:
 def test_a_recording_that_counts_from_elsewhere_is_told_and_a_homed_one_is_not() -> None:
     (shift,) = position_shifts(RIPPLED, evaluation(LACKS))
     assert shift.offset == pytest.approx(LACKS, abs=0.1 * PITCH / OFFSETS_PER_PITCH) and shift.pitch == PITCH
-    assert "seems shifted by 3.69 mm. It was judged with" in shift.warning(UNITS)
+    assert "seem to lack 3.69 mm, up to multiples of" in shift.warning(UNITS)
     assert position_shifts(RIPPLED, evaluation(0.0)) == ()
     assert position_shifts(Model.of(AXIS).with_effects([OFFSET]), evaluation(LACKS)) == ()
     assert position_shifts(RIPPLED, evaluation(LACKS, is_unseen=False)) == ()
@@ -59,7 +59,7 @@ def test_a_ripple_has_its_name_where_the_held_out_recording_counts_from_elsewher
     assert answer.verdict == "effect_found"
     (found,) = answer.effects
     assert found.settings.values[:3] == pytest.approx(COGGING.values[:3], rel=0.03)
-    told = [text for text in answer.warnings if text.startswith("the position of elsewhere seems shifted by")]
+    told = [text for text in answer.warnings if text.startswith("the positions of elsewhere seem to lack")]
     assert len(told) == (lacks > 0.0)
     (judged,) = answer.diagnosis.final_state.recordings.holdouts
     assert judged.reference_position is not None

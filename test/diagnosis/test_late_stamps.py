@@ -115,3 +115,15 @@ def test_a_first_file_says_whether_the_effort_is_held(is_held: bool, has_referen
     init(str(tmp_path / "bag"), str(tmp_path / "start.yaml"), None, {}, InitOptions())
     (axis,) = load_settings(tmp_path / "start.yaml").axes
     assert axis.filter.effort_is_held is (is_held or not has_reference)
+
+
+@pytest.mark.parametrize("has_effort", [True, False])
+def test_a_reference_that_stands_still_and_a_bag_without_effort_tell_nothing(has_effort: bool, tmp_path: Path) -> None:
+    made = stamped(0.0)
+    still = np.zeros(len(made))
+    effort = delayed(made.effort, HELD_LAG) if has_effort else None
+    stamps = (np.arange(len(made)) * PERIOD * 1e9).astype(np.int64)
+    write_table(Table(stamps, made.position, effort, still, still, ()), tmp_path / "bag", "x")
+    init(str(tmp_path / "bag"), str(tmp_path / "start.yaml"), None, {}, InitOptions())
+    (axis,) = load_settings(tmp_path / "start.yaml").axes
+    assert axis.filter.effort_is_held

@@ -80,8 +80,8 @@ def _with_bandwidth(axis: AxisSettings, bandwidth: float) -> AxisSettings:
     return replace(axis, stage=replace(axis.stage, controller=replace(axis.stage.controller, bandwidth=bandwidth)))
 
 
-@pytest.mark.parametrize("share", [1.0, 0.0])
-def test_the_controller_is_the_one_that_the_recording_shows(share: float) -> None:
+@pytest.mark.parametrize(("share", "mass_in_file"), [(1.0, 1.0), (0.0, 1.0), (1.0, 0.7)])
+def test_the_controller_is_the_one_that_the_recording_shows(share: float, mass_in_file: float) -> None:
     """The machine damps the tracking error, or the measured velocity alone as cascaded loops do."""
     given = _given()
     stage, controller = SimulatedStage(given, PERIOD), given.stage.controller
@@ -90,7 +90,8 @@ def test_the_controller_is_the_one_that_the_recording_shows(share: float) -> Non
     run = stage.step(COUNT, (share - 1.0) * gain * np.gradient(plain, PERIOD))
     samples = run.samples
     record = Recording("simulated", PERIOD, samples.position, samples.effort, samples.reference_position)
-    predicted = predict_tracking(record, _with_bandwidth(given, 40.0), _augmented(given), BAND)
+    file = replace(_with_bandwidth(given, 40.0), mass=mass_in_file * given.mass)
+    predicted = predict_tracking(record, file, _augmented(given), BAND)
     assert predicted is not None and predicted.recorded is not None and predicted.controller is not None
     found = predicted.controller.settings
     assert found.bandwidth == pytest.approx(controller.bandwidth, rel=0.15)

@@ -20,10 +20,10 @@ PULSES = np.where(TIME % 1.0 < 0.2, 10.0, np.where(TIME % 1.0 < 0.4, -10.0, 0.0)
     [
         SINE, SINE + NOISE, np.round(SINE / STEP) * STEP, np.round((SINE + 4.0 * NOISE) / STEP) * STEP,
         np.repeat((SINE + NOISE)[::10], 10), np.repeat(SINE[::10], 10), PULSES, PULSES + NOISE,
-        np.round((PULSES + NOISE) / STEP) * STEP, np.zeros(COUNT), np.zeros(0),
+        np.round((PULSES + NOISE) / STEP) * STEP, np.zeros(COUNT), np.zeros(0), np.where(TIME < 2.0, 0.0, 20.0 + SINE),
     ],
     ids=["smooth", "noise", "coarse", "coarse and noise", "held", "held and smooth", "pulses", "pulses and noise",
-         "coarse pulses", "constant", "empty"],
+         "coarse pulses", "constant", "empty", "one sign behind a rest"],
 )  # fmt: skip
 def test_a_signal_that_turns_at_its_largest_value_has_no_limit(effort: np.ndarray) -> None:
     assert effort_limits(effort) == NO_LIMITS
