@@ -274,7 +274,9 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
             name, reading.period, position, effort, reference, origin + reading.start, recorded_step=step,
             recorded_limits=limits,
         )  # fmt: skip
-        pieces.append(piece if other is None else replace(piece, other_position=_other_position(piece, other)))
+        if other is not None:
+            piece = replace(piece, other_position=_other_position(piece, other, reading, origin))
+        pieces.append(piece)
     notes += _notes_on_stamps(name, readings)
     return Recordings(tuple(pieces), tuple(notes))
 
@@ -299,7 +301,8 @@ class _Reading:
         start: time of its first sample [s].
         signals: position, effort and reference.
         stray: by how many periods stamps stray at most.
-        believes_stamps: whether the signals were read at their stamps, or at even times.
+        even_times: stamps of its samples, and the even times at which they were taken [s]; None where the signals were
+            read at their stamps.
         missing: number of samples between others that the log lacks.
     """
 
@@ -307,7 +310,7 @@ class _Reading:
     start: float
     signals: Sequence[Floats]
     stray: float
-    believes_stamps: bool = True
+    even_times: tuple[Floats, Floats] | None = None
     missing: int = 0
 
 
@@ -338,7 +341,7 @@ def _even_reading(period: float, seconds: Floats, signals: Sequence[Floats]) -> 
         float(np.max(np.abs(seconds - begin - period * number))),
         round(float(number[-1])) + 1 - len(number),
     )
-    return _Reading(period, begin, even, stray / period, False, missing)
+    return _Reading(period, begin, even, stray / period, (seconds, begin + period * number), missing)
 
 
 def _sample_numbers(periods: Floats) -> Floats:
@@ -382,7 +385,7 @@ def _notes_on_stamps(name: str, readings: Sequence[_Reading]) -> list[str]:
     """Return sentences about the pieces whose stamps stray."""
     notes = []
     for believes in (True, False):
-        some = [one for one in readings if one.believes_stamps is believes]
+        some = [one for one in readings if (one.even_times is None) is believes]
         stray = max((one.stray for one in some), default=0.0)
         if stray <= _MAX_STRAY:
             continue
@@ -407,13 +410,23 @@ def _without_odd_ends(seconds: Floats, signals: Sequence[Floats], period: float)
     return seconds[cut], [values[cut] for values in signals]
 
 
-def _other_position(piece: Recording, other: Samples) -> Floats | None:
-    """Return the other axis's position at the samples of a piece."""
+def _other_position(piece: Recording, other: Samples, reading: _Reading, origin: float) -> Floats | None:
+    """Return the other axis's position at the samples of a piece.
+
+    Args:
+        piece: the piece.
+        other: samples of the other axis.
+        reading: how the piece was read. Where its stamps are not believed, those of the other axis are moved alike.
+        origin: stamp from which the times of the reading count [s].
+    """
     good = np.isfinite(other.position)
     if not np.any(good):
         return None
-    seconds = piece.start + piece.period * np.arange(len(piece))
-    return np.asarray(np.interp(seconds, other.stamp_ns[good] * 1e-9, other.position[good]))
+    times = other.stamp_ns[good] * 1e-9 - origin
+    if reading.even_times is not None:
+        stamps, even = reading.even_times
+        times += np.interp(times, stamps, even - stamps)
+    return np.asarray(np.interp(reading.start + piece.time, times, other.position[good]))
 
 
 def join_samples(blocks: Sequence[Samples]) -> Samples:

@@ -103,6 +103,9 @@ def test_samples_that_were_taken_evenly_are_not_moved_to_stamps_that_stray(moves
     assert np.abs(piece.position - true).max() < 1.0e-5  # 2e-3 at the stamps
     assert "the positions show that the samples were taken evenly, at" in note
     assert note.endswith("; 23 missing samples were interpolated")
+    (coupled,) = recordings_from_samples(_strayed(moves), "log", _strayed(moves)).pieces
+    assert coupled.other_position is not None
+    assert np.abs(coupled.other_position - true).max() < 5.0e-5  # 2e-3 at the stamps; by straight lines
 
 
 def test_samples_that_were_taken_at_their_stamps_are_read_there() -> None:
