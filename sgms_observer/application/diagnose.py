@@ -43,7 +43,7 @@ from sgms_observer.settings.node_parameters import refuse_missing
 from sgms_observer.settings.units import Units
 from sgms_observer.whole_file import try_folder
 from sim_plant.record import StageRecord
-from sim_plant.reference_file import through_points
+from sim_plant.reference_file import PiecewiseCubic, through_points
 from sim_plant.stage import SimulatedStage
 
 MAX_SAMPLES = 200_000
@@ -77,9 +77,7 @@ def predict_tracking(
     part = record.part(len(record) - min(len(record), MAX_SAMPLES, round(MAX_SECONDS / record.period)), len(record))
     loop = _Loop(part, _truth(part, given, augmented), band)
     first = loop.tracking(given, augmented)
-    if first is not None and first.agrees:
-        return first
-    if part.whole_reference is None:
+    if part.whole_reference is None or (first is not None and first.agrees):
         return first
     compensation = AxisObserver(with_whole_compensation(augmented), part.period).step(part.samples).compensation
     shown = recorded_controller(part, augmented.mass, given.stage.controller, np.nan_to_num(compensation), band)
@@ -145,17 +143,21 @@ class _Loop:
             self.shown,
         )
 
-    def _run(self, compensation: float | Floats) -> StageRecord:
-        """Return a run with a compensation [N]."""
-        count, moves = len(self.record), self.truth.stage.reference
-        reference = self.record.whole_reference
+    @cached_property
+    def _followed(self) -> PiecewiseCubic:
+        """The recorded reference, or the measured motion without its noise."""
+        reference, moves = self.record.whole_reference, self.truth.stage.reference
         path = _smooth(self.record, self.band) if reference is None else reference
-        followed = through_points(
+        return through_points(
             self.record.time, path, "cubic",
             velocity=moves.velocity, acceleration=moves.acceleration, jerk=moves.jerk,
         )  # fmt: skip
+
+    def _run(self, compensation: float | Floats) -> StageRecord:
+        """Return a run with a compensation [N]."""
         feedforward = compensation if self.shown is None else compensation + self.shown.feedforward
-        return SimulatedStage(self.truth, self.record.period, reference=followed).step(count, feedforward)
+        stage = SimulatedStage(self.truth, self.record.period, reference=self._followed)
+        return stage.step(len(self.record), feedforward)
 
 
 def _smooth(record: Recording, band: float) -> Floats:

@@ -17,7 +17,7 @@ from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR, MIN_HELD_LAG
 from sgms_observer.diagnosis.instruments import first_strength, instruments_of
 from sgms_observer.diagnosis.model import Model, predict
-from sgms_observer.diagnosis.motion import EDGE_TIME, MIN_DURATION, EffortLag, Motion, advanced, motion_of
+from sgms_observer.diagnosis.motion import EDGE_TIME, MIN_DURATION, EffortLag, Motion, delayed, motion_of
 from sgms_observer.diagnosis.sliding import logarithmic_friction, slides_fast
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.units import Units
@@ -61,7 +61,7 @@ class LateStamps:
     def corrected(self, record: Recording) -> Recording:
         """Return a recording of this name whose effort has the lag of the settings."""
         limits = record.effort_limits  # of the efforts as they were recorded
-        return replace(record, effort=advanced(record.effort, self.shift), recorded_limits=limits)
+        return replace(record, effort=delayed(record.effort, -self.shift), recorded_limits=limits)
 
 
 def late_stamps(
@@ -145,20 +145,20 @@ def lag_in_fast_sliding(
     def together(parts: Sequence[Floats]) -> Floats:
         return np.concatenate([values[at] for values, at in zip(parts, fast, strict=True)])[:count]
 
-    commands = [motion.low_pass(motion.effort - predict(model, motion).residual) for motion in motions]
+    command = together([motion.low_pass(motion.effort - predict(model, motion).residual) for motion in motions])
     others = together([_mass_and_friction(motion) for motion in motions])
     references = [reference for record in records if (reference := _moving_reference(record)) is not None]
     instruments = None
     if len(references) == len(motions):
         given = together([instruments_of(*pair) for pair in zip(motions, references, strict=True)])
         instruments = np.column_stack([given, np.ones(count)])
-    lag, first = 0.0, together([motion.low_pass(motion.effort) for motion in motions]) - together(commands)
+    lag, first = 0.0, together([motion.low_pass(motion.effort) for motion in motions]) - command
     for _ in range(MAX_STEPS):
         now, later = (
-            together([motion.low_pass(advanced(motion.effort, -at / motion.step)) for motion in motions])
+            together([motion.low_pass(delayed(motion.effort, at / motion.step)) for motion in motions])
             for at in (lag, lag + LAG_STEP)
         )
-        residual, columns = now - together(commands), np.column_stack([(now - later) / LAG_STEP, others])
+        residual, columns = now - command, np.column_stack([(now - later) / LAG_STEP, others])
         if not np.any(columns[:, 0]):
             return None
         step, error = first_strength(residual, columns, columns if instruments is None else instruments, length)

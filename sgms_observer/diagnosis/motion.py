@@ -285,7 +285,7 @@ def motion_of(record: Recording, lag: EffortLag = EffortLag(), band: float = BAN
     band = min(band, MAX_BAND_SHARE * rate)
     step = max(1, round(rate / (WORKING_RATE * band)))
     period = record.period * step
-    effort = delayed(record.effort, lag.at(np.arange(len(record), dtype=np.float64) * record.period))
+    effort = delayed(record.effort, lag.at(record.time))
     corner = min(MOTION_BAND * band, MAX_BAND_SHARE / period)
     if step > 1:  # anti-aliasing
         guard = signal.butter(4, 0.4 / period / (0.5 * rate), output="sos")
@@ -328,26 +328,20 @@ def motion_of(record: Recording, lag: EffortLag = EffortLag(), band: float = BAN
 
 
 def delayed(values: Floats, samples: Floats | float) -> Floats:
-    """Return a series delayed by a fraction of a sample (advanced if negative), by linear interpolation.
+    """Return a series delayed by any number of samples (advanced if negative); its ends have the value of the ends.
 
     Args:
         values: shape (n,).
-        samples: the delay, between -1 and 1, one for all samples or one for each, shape (n,).
+        samples: the delay, one for all samples or one for each, shape (n,).
     """
-    late, early = np.maximum(samples, 0.0), np.maximum(-np.asarray(samples), 0.0)
+    whole = np.trunc(samples)
+    if np.any(whole):
+        ends = len(values) - 1
+        values = values[np.clip(np.arange(len(values)) - whole.astype(np.intp), 0, ends)]
+    rest = np.asarray(samples) - whole
+    late, early = np.maximum(rest, 0.0), np.maximum(-rest, 0.0)
     before, after = np.concatenate((values[:1], values[:-1])), np.concatenate((values[1:], values[-1:]))
     return np.asarray((1.0 - late - early) * values + late * before + early * after, dtype=np.float64)
-
-
-def advanced(values: Floats, samples: float) -> Floats:
-    """Return a series advanced by any number of samples (delayed if negative); its ends have the value of the ends.
-
-    Args:
-        values: shape (n,).
-        samples: by how many samples.
-    """
-    at = np.arange(len(values), dtype=np.float64)
-    return np.asarray(np.interp(at + samples, at, values), dtype=np.float64)
 
 
 @njit

@@ -75,10 +75,10 @@ def recorded_controller(
     if reference is None:
         return None
     period, motion = record.period, motion_of(record, band=band)
-    error, rate = reference - record.position, _derivative(reference, period)
+    error, rate = reference - record.position, np.gradient(reference, period)
     centred = reference - np.mean(reference)
-    of_reference = np.array([np.ones(len(record)), centred, rate, _derivative(rate, period)])
-    of_error = np.array([error, _derivative(error, period), period * np.cumsum(error)])
+    of_reference = np.array([np.ones(len(record)), centred, rate, np.gradient(rate, period)])
+    of_error = np.array([error, np.gradient(error, period), period * np.cumsum(error)])
     columns = np.vstack([of_error, of_reference, compensation])
     size = np.sqrt(np.mean(columns**2, axis=1))
     size[size == 0.0] = 1.0
@@ -100,8 +100,3 @@ def recorded_controller(
         feedforward_mass=0.0,
     )
     return RecordedController(settings, found[len(of_error) :] @ of_reference)
-
-
-def _derivative(values: Floats, period: float) -> Floats:
-    """Return the derivative by central differences."""
-    return np.asarray(np.gradient(values, period), dtype=np.float64)

@@ -157,7 +157,7 @@ def least_squares_traces(
         residual = part.effort - part.regressor @ fit.values
         velocity = columns[SYMMETRIC[1]]
         friction = residual + viscous * velocity + coulomb * columns[SYMMETRIC[2]]
-        position = np.interp(part.time, recording.period * np.arange(len(recording)), recording.position)
+        position = np.interp(part.time, recording.time, recording.position)
         turning = np.abs(columns[SYMMETRIC[2]]) <= _ONE_WAY
         near = np.ones(2 * int(_RINGING) + 1)  # rows of least squares are a period of the cutoff apart
         sliding = np.convolve(turning, near, mode="same") == 0.0

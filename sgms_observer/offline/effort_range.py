@@ -9,11 +9,11 @@ from scipy import stats
 
 from sgms_observer.arrays import Floats
 
-_MIN_Z_SCORE = 3.0
-"""Z-score at which an extreme value is a limit: Shewhart's."""
+MIN_Z_SCORE = 3.0
+"""Z-score at which something that a log shows is sure: Shewhart's limit."""
 _VISITS = 3
-"""Separate visits that a limit needs at least: a machine rests once at an effort of zero before it starts."""
-_LARGEST_CHANCE = float(stats.norm.sf(_MIN_Z_SCORE)) / 2.0
+"""Separate visits that a limit needs at least: a machine may rest at zero before its motion and after it."""
+_LARGEST_CHANCE = float(stats.norm.sf(MIN_Z_SCORE)) / 2.0
 """Of a limit that is none: two ends are tried."""
 _NEEDED = math.ceil(-math.log2(_LARGEST_CHANCE))
 """Times at an extreme value that are sure if the next value is never seen."""

@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
-from sgms_observer.offline.effort_range import effort_limits
+from sgms_observer.offline.effort_range import MIN_Z_SCORE, effort_limits
 from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
 from sgms_observer.settings.axis import AxisSettings
 
@@ -35,7 +35,6 @@ _MAX_STRAY = 0.02  # share of the period by which a stamp may stray before the s
 _MAX_UNEVEN = 0.01  # share of the period by which a pause may differ from it in an even recording
 _MAX_TRIMMED = 10  # samples at either end that are dropped if only their pauses are uneven
 _MAX_PAUSE = 3.5  # periods; a longer pause cuts the recording
-_MIN_Z_SCORE = 3.0  # of the decrease of the position's noise for which stamps are not believed: Shewhart's limit
 _BLOCK = 20  # samples of a block in which the noise of two readings is compared: longer than what one sample reaches
 _RATES = 40  # quarters of a period by which the rough rate may be off over a whole piece
 
@@ -378,7 +377,7 @@ def _is_surely_smoother(position: Floats, other: Floats) -> bool:
     ours, theirs = (
         np.sqrt(np.add.reduceat(np.square(np.diff(values, 3)[:count]), blocks)) for values in (position, other)
     )
-    return bool(np.sum(theirs - ours) > _MIN_Z_SCORE * float(np.linalg.norm(theirs - ours)))
+    return bool(np.sum(theirs - ours) > MIN_Z_SCORE * float(np.linalg.norm(theirs - ours)))
 
 
 def _notes_on_stamps(name: str, readings: Sequence[_Reading]) -> list[str]:

@@ -19,7 +19,7 @@ from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR
 from sgms_observer.diagnosis.late_stamps import lag_in_fast_sliding, late_stamps
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import HELD_LAG, advanced, delayed
+from sgms_observer.diagnosis.motion import HELD_LAG, delayed
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings
@@ -34,7 +34,7 @@ SOFT = 3.0e-3
 def stamped(late: float, seed: int = 1, name: str = "log") -> Recording:
     """Return a recording whose effort is stamped late by some samples, without a reference."""
     made = record(seed=seed, duration=DURATION, period=PERIOD)
-    return replace(made, name=name, effort=advanced(made.effort, -late))
+    return replace(made, name=name, effort=delayed(made.effort, late))
 
 
 def with_reference(source: Recording, seed: int = 1) -> Recording:
