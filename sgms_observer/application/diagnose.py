@@ -64,9 +64,9 @@ def predict_tracking(
     """Return the tracking errors that the augmented model predicts; None where the simulated loop does not stay finite.
 
     The stage has the mass, friction and effects of ``augmented``, the controller of ``given`` and the encoder of the
-    recording. Where it does not follow as the machine did, it gets the controller that the recording shows, if it
-    follows with that one as the machine did. Along a reference the compensation is a feedforward: it is computed from
-    the run without it.
+    recording. Its effort limit is never below an effort that was recorded. Where it does not follow as the machine did,
+    it gets the controller that the recording shows, if it follows with that one as the machine did. Along a reference
+    the compensation is a feedforward: it is computed from the run without it.
 
     Args:
         record: gives the motion, the rate and the encoder.
@@ -80,7 +80,7 @@ def predict_tracking(
     if part.whole_reference is None or (first is not None and first.agrees):
         return first
     compensation = AxisObserver(with_whole_compensation(augmented), part.period).step(part.samples).compensation
-    shown = recorded_controller(part, augmented.mass, given.stage.controller, np.nan_to_num(compensation), band)
+    shown = recorded_controller(part, augmented.mass, loop.truth.stage.controller, np.nan_to_num(compensation), band)
     if shown is None:
         return first
     second = loop.with_controller(shown).tracking(given, augmented)
@@ -120,10 +120,12 @@ class _Loop:
         count = len(record)
         counted = slice(round(SKIPPED / period), count - round(EDGE_TIME / period))
         reference = record.whole_reference
-        runs = [self._run(0.0)]
+        runs, cut_off = [self._run(0.0)], 0.0
         for axis in (given, augmented):
             if np.all(np.isfinite(runs[0].position)):
-                runs.append(self._run(_compensation(axis, self.truth, runs[0], period)))
+                compensation = _compensation(axis, self.truth, runs[0], period)
+                cut_off = float(np.mean(np.abs(compensation[counted]) >= axis.compensation.limit))
+                runs.append(self._run(compensation))
         errors = [(run.position - run.reference_position)[counted] for run in runs]
         if len(errors) < 3 or not all(np.all(np.isfinite(error)) for error in errors):
             return None
@@ -141,6 +143,7 @@ class _Loop:
             record.time[counted],
             tuple(errors),
             self.shown,
+            cut_off,
         )
 
     @cached_property
@@ -168,6 +171,7 @@ def _smooth(record: Recording, band: float) -> Floats:
 def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings) -> AxisSettings:
     """Return the axis whose stage is the augmented one."""
     noise = math.sqrt(max(record.position_noise**2 - record.encoder_step**2 / 12.0, 0.0))
+    controller, largest = given.stage.controller, float(np.max(np.abs(record.effort)))
     return replace(
         given,
         stage_friction=augmented.friction,
@@ -177,6 +181,7 @@ def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings) -> A
             mass=augmented.mass,
             substeps=given.stage.substeps if given.stage.actuation_delay else SUBSTEPS,  # a delay is whole steps
             encoder=replace(given.stage.encoder, resolution=record.encoder_step, noise=noise),
+            controller=replace(controller, effort_limit=max(controller.effort_limit, largest)),
             accept_compensation=True,
         ),
     )
@@ -276,6 +281,8 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
             notes.append(caution)
         elif caution:
             answer = replace(answer, warnings=(*answer.warnings, caution))
+        if tracking is not None and tracking.cut_off > 0.0:
+            notes.append(tracking.limit_sentence(written.compensation.limit, axis.units))
     write_result(answer, checks, tracking, axis.units, folder)
     traces = traces_of(answer)
     write_residual_log(traces, axis.name, folder)

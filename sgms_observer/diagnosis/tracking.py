@@ -57,6 +57,7 @@ class PredictedTracking:
         time: of each sample that counts [s], shape (n,).
         errors: the errors over time: without, given, augmented, and recorded if there is one [m], each of shape (n,).
         controller: of the loop, where it is the one that the recording shows; None where it is that of the file.
+        cut_off: share of the time in which the compensation of ``augmented.yaml`` is at its limit.
     """
 
     without: TrackingError
@@ -67,6 +68,7 @@ class PredictedTracking:
     time: Floats = field(default_factory=lambda: np.zeros(0))
     errors: tuple[Floats, ...] = ()
     controller: RecordedController | None = None
+    cut_off: float = 0.0
 
     @property
     def agrees(self) -> bool:
@@ -114,6 +116,19 @@ class PredictedTracking:
                 f" {remedy}"
             )
         return ""
+
+    def limit_sentence(self, limit: float, units: Units) -> str:
+        """Return for how long the limit of the compensation cuts it off, and what to do.
+
+        Args:
+            limit: ``compensation.limit`` [N].
+            units: units of the axis.
+        """
+        return (
+            f"compensation.limit of the file, {units.readable(limit, 'N')}, cuts the compensation off for"
+            f" {100.0 * self.cut_off:.2g} % of the simulated time, so the predicted errors show a part of what the"
+            " model can compensate"
+        )
 
     def sentence(self, units: Units) -> str:
         """Return the errors in words.

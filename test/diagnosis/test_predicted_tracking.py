@@ -113,6 +113,30 @@ def test_a_controller_that_the_recording_does_not_show_is_reported() -> None:
     assert "stage.controller of the file is not the controller of the recording" in predicted.caution(Units())
 
 
+def test_the_stage_can_give_every_effort_that_was_recorded() -> None:
+    """A file without a limit of the actuator has the default, which is nothing to a heavy machine."""
+    given = _given()
+    record, _ = _recorded(given)
+    controller = replace(given.stage.controller, effort_limit=0.2 * float(np.max(np.abs(record.effort))))
+    weak = replace(given, stage=replace(given.stage, controller=controller))
+    for file in (weak, _with_bandwidth(weak, 40.0)):  # with the controller of the file, and with the recorded one
+        predicted = predict_tracking(record, file, _augmented(given), BAND)
+        assert predicted is not None and predicted.recorded is not None
+        assert predicted.without.rms == pytest.approx(predicted.recorded.rms, rel=0.15)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 2.0])
+def test_a_limit_below_the_friction_is_told(share: float) -> None:
+    given = _given()
+    record, _ = _recorded(given)
+    limit = share * given.friction.static_force
+    limited = _augmented(replace(given, compensation=replace(given.compensation, limit=limit)))
+    predicted = predict_tracking(record, limited, limited, BAND)
+    assert predicted is not None
+    assert predicted.cut_off < 0.02 if share > 1.0 else predicted.cut_off > 0.5
+    assert f"{100.0 * predicted.cut_off:.2g} % of the simulated time" in predicted.limit_sentence(limit, Units())
+
+
 def test_without_a_reference_the_measured_motion_is_followed() -> None:
     given = _given()
     record, _ = _recorded(given, has_reference=False)
