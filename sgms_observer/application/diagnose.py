@@ -31,7 +31,7 @@ from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
 from sgms_observer.diagnosis.traces import traces_of
-from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
+from sgms_observer.diagnosis.tracking import MIN_COMPENSATED_SHARE, PredictedTracking, TrackingError
 from sgms_observer.diagnosis.workflow import diagnose_from, fitted_file
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.band import choose_band, refuse_cutoff
@@ -120,11 +120,11 @@ class _Loop:
         count = len(record)
         counted = slice(round(SKIPPED / period), count - round(EDGE_TIME / period))
         reference = record.whole_reference
-        runs, cut_off = [self._run(0.0)], 0.0
+        runs, share = [self._run(0.0)], 1.0
         for axis in (given, augmented):
             if np.all(np.isfinite(runs[0].position)):
-                compensation = _compensation(axis, self.truth, runs[0], period)
-                cut_off = float(np.mean(np.abs(compensation[counted]) >= axis.compensation.limit))
+                compensation, friction = _compensation(axis, self.truth, runs[0], period)
+                share = _rms(compensation[counted]) / max(axis.compensation.gain * _rms(friction[counted]), 1.0e-300)
                 runs.append(self._run(compensation))
         errors = [(run.position - run.reference_position)[counted] for run in runs]
         if len(errors) < 3 or not all(np.all(np.isfinite(error)) for error in errors):
@@ -143,7 +143,7 @@ class _Loop:
             record.time[counted],
             tuple(errors),
             self.shown,
-            cut_off,
+            share,
         )
 
     @cached_property
@@ -187,12 +187,18 @@ def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings) -> A
     )
 
 
-def _compensation(axis: AxisSettings, truth: AxisSettings, plain: StageRecord, period: float) -> Floats:
-    """Return the compensation that acts at each sample of a run, one sample after it was computed [N]."""
+def _compensation(axis: AxisSettings, truth: AxisSettings, plain: StageRecord, period: float) -> tuple[Floats, Floats]:
+    """Return the compensation that acts at each sample of a run, one sample after it was computed, and the friction
+    that the observer estimates [N]."""
     look_ahead = HOLD * period + truth.stage.actuation_delay
     switched_on = replace(axis.compensation, enabled=True, look_ahead=look_ahead)
     estimates = AxisObserver(replace(axis, compensation=switched_on), period).step(plain.samples)
-    return np.concatenate(([0.0], np.nan_to_num(estimates.compensation[:-1])))
+    return np.concatenate(([0.0], np.nan_to_num(estimates.compensation[:-1]))), np.nan_to_num(estimates.friction)
+
+
+def _rms(force: Floats) -> float:
+    """Return the root mean square of a force [N]."""
+    return float(np.sqrt(np.mean(force**2)))
 
 
 @dataclass(frozen=True)
@@ -281,8 +287,8 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
             notes.append(caution)
         elif caution:
             answer = replace(answer, warnings=(*answer.warnings, caution))
-        if tracking is not None and tracking.cut_off > 0.0:
-            notes.append(tracking.limit_sentence(written.compensation.limit, axis.units))
+        if tracking is not None and tracking.compensated_share < MIN_COMPENSATED_SHARE:
+            notes.append(tracking.limits_sentence(written.compensation, axis.units))
     write_result(answer, checks, tracking, axis.units, folder)
     traces = traces_of(answer)
     write_residual_log(traces, axis.name, folder)

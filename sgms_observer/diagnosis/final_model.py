@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
 from sgms_observer.diagnosis.diagnosis import Round, accepted_candidates
+from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.gap_data import GapData
@@ -20,6 +21,7 @@ from sgms_observer.diagnosis.map_fit import (
     FittedMap,
     effect_and_map,
     fit_map,
+    left_by_best_map,
     maps_over,
     with_map,
 )
@@ -29,6 +31,8 @@ from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
 
+PLACE = "position"
+"""Coordinate of the effects that are tested together."""
 UNEXPLAINED_WHILE_SLIDING = "unexplained share of the effort, with the weights of the evidence"
 """Test of the model with everything that was added: the evidence hardly counts samples where the contact sticks."""
 
@@ -182,15 +186,14 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
     """
     criteria, fit = data.options.criteria, final.fit
     known, evaluated = _to_learn_and_judge(data, fit.model, final.after)
-    tests = []
+    tests, closed_by = list[Test](), dict[str, float]()
     for one in accepted_candidates(final.accepted):
         is_confusable = is_confusable_with_contact(one.name)
         coordinates = OF_CONTACT if is_confusable else set(effect(one.name).coordinates)
         over = maps_over(coordinates)
         if not over or one.is_contact_law:
             continue
-        _setup, others = data.diagnosis.written.setup.without(one.name, fit.model.effects)
-        without = replace(fit.model, effects=others)
+        without = _model_without(data, fit, [one.name])
         closed = max(data.reduction(residuals(without, data.motions), final.after).decrease, 0.0)
         found = fit_map(known, evaluated, MAP_NAMES[0], units, criteria, over)
         left = found.improvement.decrease if found else 0.0
@@ -198,6 +201,8 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
             title = "residual predictable over the coordinates of a contact / closed residual"
             tests.append(at_most(one.name, title, left / max(closed, 1.0e-300), 1.0))
             continue
+        if PLACE in coordinates:
+            closed_by[one.name] = closed
         title = "predictable share left over its coordinates"
         share = left / max(left + closed, 1.0e-300)
         test = at_most(one.name, title, share, criteria.min_predictable_share)
@@ -206,7 +211,38 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
             both = effect_and_map(one.name, alone, (known, evaluated), over, criteria)
             test = both.added if both else test
         tests.append(test)
+    if len(closed_by) > 1 and all(test.passed for test in tests):
+        tests.append(_beyond_one_map(data, fit, closed_by, evaluated))
     return tests
+
+
+def _beyond_one_map(data: GapData, fit: Refit, closed_by: Mapping[str, float], evaluated: WeightedResidual) -> Test:
+    """Return the test that several effects over the position surely predict better than one map over it.
+
+    One map is one hypothesis. Where it does as well, the effects are pieces of another force along the stroke. The one
+    that closes least answers for all.
+
+    Args:
+        data: recordings of the gap.
+        fit: the model with the effects.
+        closed_by: what each of them closes [N^2].
+        evaluated: what the model leaves of the evaluated recordings.
+    """
+    criteria = data.options.criteria
+    without = _model_without(data, fit, list(closed_by))
+    alone = _to_learn_and_judge(data, without, residuals(without, data.motions))
+    best = left_by_best_map(alone, maps_over({PLACE}), criteria)
+    z_score = improvement(best, evaluated.blocks(criteria.block)).z_score if best else criteria.min_z_score
+    title = "z-score of all effects over the position beyond one map over it"
+    return at_least(min(closed_by, key=lambda name: closed_by[name]), title, z_score, criteria.min_z_score)
+
+
+def _model_without(data: GapData, fit: Refit, names: Sequence[str]) -> Model:
+    """Return the model of a fit without some effects; the other values stay."""
+    setup, left = data.diagnosis.written.setup, fit.model.effects
+    for name in names:
+        setup, left = setup.without(name, left)
+    return replace(fit.model, effects=left)
 
 
 def _free_names(effects: Sequence[EffectSettings]) -> list[str]:

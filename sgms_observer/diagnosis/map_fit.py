@@ -139,6 +139,28 @@ def maps_over(coordinates: Set[str]) -> list[tuple[str, ...]]:
     return [key for key in COORDINATES if set(key) <= coordinates | {"direction"} and set(key) & coordinates]
 
 
+def left_by_best_map(
+    pair: tuple[WeightedResidual, WeightedResidual], over: Sequence[tuple[str, ...]], criteria: Criteria
+) -> list[Floats] | None:
+    """Return what the best predicting map leaves in each block of the evaluated recordings, weighted [N].
+
+    Args:
+        pair: residual on the fitted and on the evaluated recordings; as in ``fit_map``.
+        over: coordinates of the maps that are tried.
+        criteria: thresholds.
+
+    Returns:
+        None if all coordinates hardly vary.
+    """
+    tried = [found.left for key in over if (found := _solved(key, *pair, criteria))]
+    return min(tried, key=_squared, default=None)
+
+
+def _squared(blocks: Sequence[Floats]) -> float:
+    """Return the sum of squares of all blocks."""
+    return sum(float(part @ part) for part in blocks)
+
+
 @dataclass(frozen=True)
 class EffectAndMap:
     """An effect beside a map over its coordinates.
@@ -174,7 +196,7 @@ def effect_and_map(
     tried = [(key, found.left) for key in over if (found := _solved(key, *without, criteria))]
     if not tried:
         return None
-    key, left_alone = min(tried, key=lambda pair: sum(float(part @ part) for part in pair[1]))
+    key, left_alone = min(tried, key=lambda pair: _squared(pair[1]))
     both = _solved(key, *with_it, criteria)
     assert both is not None  # on the same recordings
     alone = improvement(without[1].blocks(criteria.block), with_it[1].blocks(criteria.block))

@@ -10,11 +10,14 @@ import numpy as np
 
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.recorded_controller import RecordedController
+from sgms_observer.settings.axis import CompensationSettings
 from sgms_observer.settings.units import Units
 
 MAX_RATIO = 1.5
 """Largest ratio of simulated to recorded error, rms and peak, for which the simulated controller counts as that of the
 recording."""
+MIN_COMPENSATED_SHARE = 0.5
+"""Smallest share of the compensation of the whole friction that is not reported: half of it."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ class PredictedTracking:
         time: of each sample that counts [s], shape (n,).
         errors: the errors over time: without, given, augmented, and recorded if there is one [m], each of shape (n,).
         controller: of the loop, where it is the one that the recording shows; None where it is that of the file.
-        cut_off: share of the time in which the compensation of ``augmented.yaml`` is at its limit.
+        compensated_share: rms compensation of ``augmented.yaml`` over that of the whole estimated friction.
     """
 
     without: TrackingError
@@ -68,7 +71,7 @@ class PredictedTracking:
     time: Floats = field(default_factory=lambda: np.zeros(0))
     errors: tuple[Floats, ...] = ()
     controller: RecordedController | None = None
-    cut_off: float = 0.0
+    compensated_share: float = 1.0
 
     @property
     def agrees(self) -> bool:
@@ -117,17 +120,17 @@ class PredictedTracking:
             )
         return ""
 
-    def limit_sentence(self, limit: float, units: Units) -> str:
-        """Return for how long the limit of the compensation cuts it off, and what to do.
+    def limits_sentence(self, compensation: CompensationSettings, units: Units) -> str:
+        """Return how much of the friction the compensation gives, and what holds it back.
 
         Args:
-            limit: ``compensation.limit`` [N].
+            compensation: settings of the compensation.
             units: units of the axis.
         """
+        limit, fade = (units.readable(one, "N") for one in (compensation.limit, compensation.fade_std))
         return (
-            f"compensation.limit of the file, {units.readable(limit, 'N')}, cuts the compensation off for"
-            f" {100.0 * self.cut_off:.2g} % of the simulated time, so the predicted errors show a part of what the"
-            " model can compensate"
+            f"the compensation gives {100.0 * self.compensated_share:.2g} % of the friction in the predicted tracking:"
+            f" it is limited to compensation.limit, {limit}, and fades with compensation.fade_std, {fade}"
         )
 
     def sentence(self, units: Units) -> str:

@@ -125,16 +125,19 @@ def test_the_stage_can_give_every_effort_that_was_recorded() -> None:
         assert predicted.without.rms == pytest.approx(predicted.recorded.rms, rel=0.15)
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 2.0])
-def test_a_limit_below_the_friction_is_told(share: float) -> None:
-    given = _given()
-    record, _ = _recorded(given)
-    limit = share * given.friction.static_force
-    limited = _augmented(replace(given, compensation=replace(given.compensation, limit=limit)))
+@pytest.mark.parametrize(("limit", "fade_std"), [(0.1, 1.0e3), (2.0, 1.0e-3), (2.0, 1.0e3)])
+def test_a_compensation_that_is_held_back_is_told(limit: float, fade_std: float) -> None:
+    """Limits that fit another machine make its compensation small: both times in the static force."""
+    given, record = _given(), _recorded(_given())[0]
+    static = given.friction.static_force
+    held = replace(given.compensation, limit=limit * static, fade_std=fade_std * static)
+    limited = _augmented(replace(given, compensation=held))
     predicted = predict_tracking(record, limited, limited, BAND)
     assert predicted is not None
-    assert predicted.cut_off < 0.02 if share > 1.0 else predicted.cut_off > 0.5
-    assert f"{100.0 * predicted.cut_off:.2g} % of the simulated time" in predicted.limit_sentence(limit, Units())
+    is_whole = limit > 1.0 and fade_std > 1.0
+    assert 0.8 < predicted.compensated_share < 1.2 if is_whole else predicted.compensated_share < 0.3
+    share = f"gives {100.0 * predicted.compensated_share:.2g} % of the friction"
+    assert share in predicted.limits_sentence(held, Units())
 
 
 def test_without_a_reference_the_measured_motion_is_followed() -> None:
