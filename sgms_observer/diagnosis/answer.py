@@ -15,7 +15,13 @@ from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.disturbance import SlidingResidual, sliding_residual
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps
+from sgms_observer.diagnosis.final_model import (
+    FinalModel,
+    constant_force_tests,
+    coordinate_tests,
+    final_model,
+    learnt_maps,
+)
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import Gap, WeightedResidual, interval, residuals, rms
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
@@ -110,6 +116,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     unnamed = _best_unnamed(diagnosis, criteria)
     if not diagnosis.is_poor and contradiction is None:
         learnt = learnt_maps(data, final, axis.units)
+        by_coordinates += constant_force_tests(data, final, learnt)
     model = final.fit.model.with_effects([item.settings for item in learnt])
     total = residuals(model, data.motions) if learnt else final.after
     floor = _left_by_predictors(data, final, total, free, unnamed)

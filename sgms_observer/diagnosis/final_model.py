@@ -33,6 +33,8 @@ from sgms_observer.settings.units import Units
 
 PLACE = "position"
 """Coordinate of the effects that are tested together."""
+CONSTANT_FORCES = ("offset", "asymmetric_coulomb")
+"""Effects that a map over any other coordinate, and over the direction, may contain."""
 UNEXPLAINED_WHILE_SLIDING = "unexplained share of the effort, with the weights of the evidence"
 """Test of the model with everything that was added: the evidence hardly counts samples where the contact sticks."""
 
@@ -211,7 +213,8 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
             both = effect_and_map(one.name, alone, (known, evaluated), over, criteria)
             test = both.added if both else test
         tests.append(test)
-    if len(closed_by) > 1 and all(test.passed for test in tests):
+    is_closed = criteria.is_noise(data.rms(final.after), final.noise)
+    if len(closed_by) > 1 and not is_closed and all(test.passed for test in tests):
         tests.append(_beyond_one_map(data, fit, closed_by, evaluated))
     return tests
 
@@ -219,8 +222,8 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
 def _beyond_one_map(data: GapData, fit: Refit, closed_by: Mapping[str, float], evaluated: WeightedResidual) -> Test:
     """Return the test that several effects over the position surely predict better than one map over it.
 
-    One map is one hypothesis. Where it does as well, the effects are pieces of another force along the stroke. The one
-    that closes least answers for all.
+    One map is one hypothesis. Where it does as well and the effects leave more than noise, they are pieces of another
+    force along the stroke. The one that closes least answers for all.
 
     Args:
         data: recordings of the gap.
@@ -235,6 +238,32 @@ def _beyond_one_map(data: GapData, fit: Refit, closed_by: Mapping[str, float], e
     z_score = improvement(best, evaluated.blocks(criteria.block)).z_score if best else criteria.min_z_score
     title = "z-score of all effects over the position beyond one map over it"
     return at_least(min(closed_by, key=lambda name: closed_by[name]), title, z_score, criteria.min_z_score)
+
+
+def constant_force_tests(data: GapData, final: FinalModel, learnt: Sequence[FittedMap]) -> list[Test]:
+    """Return for each named constant force the test that it closes more than the learnt maps that contain one.
+
+    Every map may hold a constant, and one over the direction another one for each direction. So an offset or an
+    asymmetry beside such a map may be a piece of the same force. What depends on coordinates of the contact belongs to
+    the contact, and is another force.
+
+    Args:
+        data: recordings of the gap.
+        final: the model without maps.
+        learnt: the learnt maps.
+    """
+    criteria, tests = data.options.criteria, []
+    for one in accepted_candidates(final.accepted):
+        coordinates = set(effect(one.name).coordinates)
+        maps = [item for item in learnt if coordinates <= set(item.coordinates) and not item.is_of_contact]
+        if one.name not in CONSTANT_FORCES or not maps:
+            continue
+        without = residuals(_model_without(data, final.fit, [one.name]), data.motions)
+        closed = max(data.reduction(without, final.after).decrease, 0.0)
+        by_maps = sum(item.improvement.decrease for item in maps)
+        title = "share of the learnt maps in what a constant force and they close"
+        tests.append(at_most(one.name, title, by_maps / max(by_maps + closed, 1.0e-300), criteria.min_imitable_share))
+    return tests
 
 
 def _model_without(data: GapData, fit: Refit, names: Sequence[str]) -> Model:

@@ -288,3 +288,44 @@ def test_a_recording_that_was_learnt_from_does_not_judge(tmp_path: Path) -> None
     for same in (str(bag), str(tmp_path / "." / "bag") + "/", str(tmp_path / "x" / ".." / "bag")):
         with pytest.raises(ConfigurationError, match="also fitted to"):
             refuse_learnt_from([str(bag)], [same])
+
+
+def _along_the_rail(level: np.ndarray, common: np.ndarray, places: np.ndarray) -> EffectSettings:
+    """Return a friction level and a force that is the same both ways, along the rail [N]."""
+    values = np.column_stack([common - level, common + level]).ravel()
+    return LearntMap(("position", "direction"), (tuple(places.tolist()), ()), tuple(values.tolist())).settings()
+
+
+def _answer_with_pieces(hidden: EffectSettings, monkeypatch: pytest.MonkeyPatch) -> Answer:
+    """Return the answer of a search that does not ask whether a map over its coordinates predicts better than an
+    effect, as where the data are too few to tell."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("spring", "position_dependent_friction", "offset"))
+    options = replace(OPTIONS, criteria=replace(OPTIONS.criteria, min_predictable_share=0.99))
+    return answer_of(diagnose([made((hidden,), 3)], [made((hidden,), 4)], AXIS, options), AXIS, options)
+
+
+@pytest.mark.parametrize("is_pair", [True, False])
+def test_pieces_of_a_force_along_the_rail_have_no_names(is_pair: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tight spot and a spring keep both names; in backward motion another force than in forward motion keeps none."""
+    span = 0.028
+    places = np.linspace(-1.5 * span, 1.5 * span, 41)
+    bump, ramp = np.exp(-(((places / span - 0.3) / 0.5) ** 2)), places / span
+    hidden = _along_the_rail(1.2 * bump, 0.5 * ramp, places)
+    if not is_pair:
+        hidden = _along_the_rail(0.9 * bump, 0.9 * bump + 0.3 * ramp, places)
+    answer = _answer_with_pieces(hidden, monkeypatch)
+    assert {item.settings.name for item in answer.effects} == {"spring", "position_dependent_friction"}
+    title = "z-score of all effects over the position beyond one map over it"
+    assert [test.name for test in answer.doubtful] == ([] if is_pair else [title])
+
+
+@pytest.mark.parametrize(("constant", "is_piece"), [(0.0, True), (0.6, False)])
+def test_an_offset_that_is_less_than_the_map_beside_it_is_a_piece_of_it(constant: float, is_piece: bool) -> None:
+    """A force that falls off after the start has a mean."""
+    times = np.linspace(0.0, 12.0, 25)
+    force = constant + 0.8 * np.exp(-times / 3.0)
+    hidden = LearntMap(("time",), (tuple(times.tolist()),), tuple(force.tolist())).settings()
+    answer = answer_of(diagnose([made((hidden,), 5)], [made((hidden,), 6)], AXIS, OPTIONS), AXIS, OPTIONS)
+    assert answer.effects[0].settings.name == "offset" and answer.learnt
+    title = "share of the learnt maps in what a constant force and they close"
+    assert [test.name for test in answer.doubtful] == ([title] if is_piece else [])
