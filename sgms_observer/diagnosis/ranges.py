@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,6 +26,9 @@ MIN_ATTRACTION_SHARE = 0.2
 """Smallest attraction rate, in Coulomb forces per second."""
 MAX_PITCH_SHARE = 0.7
 """Largest pitch, as a share of the stroke."""
+FADED = math.log(20.0) ** -0.5
+"""Largest velocity of a Stribeck rise over the largest recorded speed: there it has faded to 5 %, as settling is
+counted."""
 MIN_MASS_SHARE = 0.1
 """Smallest moving mass after a mass error, as a share of the mass of the file."""
 
@@ -65,9 +69,10 @@ def plausible_range(name: str, parameter: str, motions: Sequence[Motion], nomina
         length = max(float(motion.time[-1]) for motion in motions)
         return MIN_DRIFT_SHARE * length, MAX_DRIFT_SHARE * length
     if name == "stribeck" and parameter == "velocity":
-        # a smaller velocity is the nominal Stribeck curve, one above all that was recorded another Coulomb force
+        # a smaller velocity is the nominal Stribeck curve; a rise that does not fade within the recorded speeds is
+        # another Coulomb or viscous force
         least = 2.5 * nominal.friction.stribeck_velocity
-        return least, max(least, *(float(np.max(np.abs(motion.velocity))) for motion in motions))
+        return least, max(least, *(FADED * float(np.max(np.abs(motion.velocity))) for motion in motions))
     if name == "frictional_lag" and parameter == "distance":
         return 0.05 * nominal.slip_deflection, np.inf
     if parameter == "attraction_rate":  # a smaller rate is not identifiable
