@@ -2,7 +2,7 @@
 
 No machine makes such a lag: a cause comes before what it does. A drive that reports a filtered or averaged effort, a
 slower bus for the effort, and a table whose columns are off by a row make it. The lag is read while the contact slides
-fast, beside mass and friction, where contact laws hardly differ, and the effort is read as much earlier.
+fast, beside mass, spring and friction, where contact laws hardly differ, and the effort is read as much earlier.
 """
 
 from __future__ import annotations
@@ -11,14 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR, MIN_HELD_LAG
-from sgms_observer.diagnosis.instruments import first_strength, instruments_of
+from sgms_observer.diagnosis.instruments import first_strength, forces_beside, instruments_of
 from sgms_observer.diagnosis.model import Model, predict
-from sgms_observer.diagnosis.motion import EDGE_TIME, MIN_DURATION, EffortLag, Motion, delayed, motion_of
-from sgms_observer.diagnosis.sliding import logarithmic_friction, slides_fast
+from sgms_observer.diagnosis.motion import EDGE_TIME, MIN_DURATION, EffortLag, delayed, motion_of
+from sgms_observer.diagnosis.sliding import slides_fast
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.units import Units
 
@@ -124,10 +125,11 @@ def lag_in_fast_sliding(
 ) -> tuple[float, float] | None:
     """Return the common lag of the effort of recordings and its standard error [samples], or None without a sure fit.
 
-    The residual is fitted with the change of the effort by a lag, a mass, and Coulomb, viscous and logarithmic friction
-    beside a constant. Where every recording has a reference, it is the instrument: a controller feeds the noise of the
-    encoder back into the effort. Without one, what the model lacks may correlate with the rate of the effort, and the
-    lag has to close half of what mass and friction leave.
+    The residual is fitted with the change of the effort by a lag, a mass, a spring, and Coulomb, viscous and
+    logarithmic friction beside a constant. The error comes from the scatter between blocks of time. Few of them hardly
+    tell it, so it is enlarged as Student's distribution asks at ``min_z_score``. Where every recording has a reference,
+    it is the instrument: a controller feeds the noise of the encoder back into the effort. Without one, what the model
+    lacks may correlate with the rate of the effort, and the lag has to close half of what these forces leave.
 
     Args:
         records: recordings with one lag.
@@ -146,12 +148,11 @@ def lag_in_fast_sliding(
         return np.concatenate([values[at] for values, at in zip(parts, fast, strict=True)])[:count]
 
     command = together([motion.low_pass(motion.effort - predict(model, motion).residual) for motion in motions])
-    others = together([_mass_and_friction(motion) for motion in motions])
+    others = together([forces_beside(motion) for motion in motions])
     references = [reference for record in records if (reference := _moving_reference(record)) is not None]
     instruments = None
     if len(references) == len(motions):
-        given = together([instruments_of(*pair) for pair in zip(motions, references, strict=True)])
-        instruments = np.column_stack([given, np.ones(count)])
+        instruments = together([instruments_of(*pair) for pair in zip(motions, references, strict=True)])
     lag, first = 0.0, together([motion.low_pass(motion.effort) for motion in motions]) - command
     for _ in range(MAX_STEPS):
         now, later = (
@@ -161,7 +162,11 @@ def lag_in_fast_sliding(
         residual, columns = now - command, np.column_stack([(now - later) / LAG_STEP, others])
         if not np.any(columns[:, 0]):
             return None
+        free = count // length - columns.shape[1]
+        if free < 1:
+            return None
         step, error = first_strength(residual, columns, columns if instruments is None else instruments, length)
+        error *= stats.t.isf(stats.norm.sf(criteria.min_z_score), free) / criteria.min_z_score
         lag += float(np.clip(step, -MAX_STEP, MAX_STEP))
         if abs(lag) * records[0].period > EDGE_TIME:
             return None
@@ -180,10 +185,3 @@ def _moving_reference(record: Recording) -> Floats | None:
 def _squared_beside(columns: Floats, residual: Floats) -> float:
     """Return the squared residual that the best strengths of columns leave."""
     return float(np.sum((residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]) ** 2))
-
-
-def _mass_and_friction(motion: Motion) -> Floats:
-    """Return the forces that are fitted beside a lag, shape (n, 5)."""
-    acceleration = motion.low_pass(motion.acceleration)
-    friction = logarithmic_friction(motion.thinned(motion.velocity))
-    return np.column_stack([acceleration, friction, np.ones(len(acceleration))])

@@ -31,15 +31,15 @@ SOFT = 3.0e-3
 """Slip deflection that the softest element of a wrong file has [m]."""
 
 
-def stamped(late: float, seed: int = 1, name: str = "log") -> Recording:
+def stamped(late: float, seed: int = 1, name: str = "log", duration: float = DURATION) -> Recording:
     """Return a recording whose effort is stamped late by some samples, without a reference."""
-    made = record(seed=seed, duration=DURATION, period=PERIOD)
+    made = record(seed=seed, duration=duration, period=PERIOD)
     return replace(made, name=name, effort=delayed(made.effort, late))
 
 
 def with_reference(source: Recording, seed: int = 1) -> Recording:
     """Return a recording that has the set-points of its motion."""
-    return replace(source, reference_position=rich_position(DURATION, seed, PERIOD))
+    return replace(source, reference_position=rich_position(len(source) * PERIOD, seed, PERIOD))
 
 
 def with_force(source: Recording) -> Recording:
@@ -91,12 +91,22 @@ def test_a_delay_of_the_file_may_be_the_error() -> None:
     assert samples_in(stamped(0.0), model=delayed) == []
 
 
+@pytest.mark.parametrize("duration", [6.0, 12.0])
+def test_a_spring_that_the_file_lacks_makes_no_lag(duration: float) -> None:
+    """In six seconds hardly any block slides fast: they tell no lag, whatever their scatter says."""
+    source = record((EffectSettings("spring", (300.0, 0.0)),), seed=2, duration=duration, period=PERIOD)
+    source = with_reference(source, seed=2)
+    assert samples_in(source) == []
+    lag = lag_in_fast_sliding([source], MODEL, BAND, Criteria())
+    assert lag is None if duration < 12.0 else lag == (pytest.approx(HELD_LAG, abs=0.1), pytest.approx(0.0, abs=0.1))
+
+
 def test_elements_that_are_too_soft_make_no_lag() -> None:
     """Where the softest one still gives way, its friction changes with the motion, as with a lag."""
     draft = AxisDraft("x", "prismatic", static=5.0, largest_deflection=SOFT)
     friction = replace(MODEL.friction, element_stiffness=draft.element_stiffness, element_fraction=FRACTIONS)
     soft = replace(MODEL, friction=replace(friction, element_damping=(0.0,) * 4))
-    source = with_reference(stamped(HELD_LAG, seed=3), seed=3)  # the effort is measured, not held
+    source = with_reference(stamped(HELD_LAG, seed=3, duration=48.0), seed=3)  # the effort is measured, not held
     lag = lag_in_fast_sliding([source], soft, BAND, Criteria())
     assert lag is not None and lag[0] + 3.0 * lag[1] < -MAX_STAMP_ERROR
     assert samples_in(source, model=soft) == []
