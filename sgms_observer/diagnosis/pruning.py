@@ -77,9 +77,11 @@ def without_redundant_effects(
 def compared_again(
     state: FitState, rounds: Sequence[Round], listed: Sequence[str], options: Options
 ) -> tuple[FitState, tuple[Round, ...]]:
-    """Compare each effect but the last with its rivals again, beside everything that was accepted later.
+    """Compare each effect with its rivals again, beside everything that was accepted later.
 
-    In its own round the later effects were still in the residual, where they hide differences and make others.
+    In its own round the later effects were still in the residual, where they hide differences and make others. Nothing
+    was accepted after the last one: it is compared again only where a rival predicted better. Now among equals the
+    better prediction decides.
 
     Args:
         state: state with everything that was accepted.
@@ -88,12 +90,17 @@ def compared_again(
         options: options of the diagnosis.
     """
     found = list(rounds)
-    for place in [place for place, item in enumerate(found) if item.accepted][:-1]:
-        state, found[place] = compared(state, found[place], listed, options)
+    places = [place for place, item in enumerate(found) if item.accepted]
+    for place in places:
+        is_settled = all(test.value >= 0.0 for test in found[place].comparisons.values())
+        if place != places[-1] or not is_settled:
+            state, found[place] = compared(state, found[place], listed, options, has_place=False)
     return state, tuple(found)
 
 
-def compared(state: FitState, item: Round, listed: Sequence[str], options: Options) -> tuple[FitState, Round]:
+def compared(
+    state: FitState, item: Round, listed: Sequence[str], options: Options, has_place: bool = True
+) -> tuple[FitState, Round]:
     """Compare an accepted effect with its rivals in the noise of the residual that it leaves.
 
     Before it was accepted, the fitted noise still contained it. A rival that now predicts significantly better takes
@@ -106,6 +113,8 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
         item: the round in which the effect was accepted.
         listed: effects of the file.
         options: options of the diagnosis.
+        has_place: whether the accepted effect keeps its place among equals, as long as effects may be missing; without
+            it the better prediction decides.
 
     Returns:
         The state and the round, with the comparisons of the effect that has the place.
@@ -137,7 +146,8 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
     for rival in rivals:
         best = rival if rivals[rival].passed and z_score(rival, best) > 0.0 else best
     equal = {key: one for key, one in decisions.items() if one.passed and z_score(best, key) <= most}
-    first = preferred(equal.get(name, decisions[best]), list(equal.values()), listed)
+    start = equal.get(name, decisions[best]) if has_place else decisions[best]
+    first = preferred(start, list(equal.values()), listed)
     best = first.candidate.name
     tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
     models = {key: one.current.model for key, one in states.items()}

@@ -99,7 +99,8 @@ def compared(
 
 
 @pytest.mark.parametrize(
-    "z_score, first", [(-10.0, "asymmetric_coulomb"), (0.0, "offset"), (1.0, "offset"), (10.0, "offset")]
+    "z_score, first",
+    [(-10.0, "asymmetric_coulomb"), (-1.0, "asymmetric_coulomb"), (0.0, "offset"), (1.0, "offset"), (10.0, "offset")],
 )
 def test_a_rival_that_predicts_better_beside_the_later_effects_takes_the_place(
     search: Search, z_score: float, first: str
