@@ -55,14 +55,27 @@ def next_experiment(
     located: Sequence[Located],
     diagnosis: Diagnosis,
     units: Units,
+    is_explained: bool,
     has_disturbance: bool,
 ) -> str | None:
-    """Return one sentence on what to record next, or None."""
+    """Return one sentence on what to record next, or None.
+
+    Args:
+        verdict: the verdict.
+        named: the named effects.
+        located: coordinates over which the residual varies.
+        diagnosis: the diagnosis.
+        units: units of the axis.
+        is_explained: whether the model explains most of the effort.
+        has_disturbance: whether a force acts that does not repeat.
+    """
     if verdict == "cannot_tell":
         if diagnosis.is_poor:
             sentence = diagnosis.warnings[0]
         elif diagnosis.is_contact_hidden:
             sentence = "record the position with a finer encoder, the motor's for example"
+        elif is_explained:
+            sentence = "record more motion to learn from: slow and fast strokes both ways, with reversals and rests"
         else:
             sentence = "identify the axis first, or record more motion"
         return sentence[0].upper() + sentence[1:] + "."

@@ -36,6 +36,11 @@ from sgms_observer.effects.catalogue import is_drag
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units
 
+UNEXPLAINED = "share of the effort that is unexplained"
+OVER_NOISE = "gap over noise, where nothing predicts it"
+ADDED_BY_REFIT = "share of the squared gap that the refit adds"
+BEHIND_ENCODER = "gap over noise, where the encoder hides the contact"
+"""Tests of the whole model, whose failure may make the verdict ``cannot_tell``."""
 MAX_LOCATED = 4
 """Largest number of reported coordinates."""
 LOCATED_P_VALUE = 0.02
@@ -128,15 +133,15 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         learnt[0].share if learnt else 0.0,
     )
     gap = _gap(data, given, final, floor)
-    whole = at_most("model", "share of the effort that is unexplained", 0.01 * gap.after, criteria.max_unexplained)
+    whole = at_most("model", UNEXPLAINED, 0.01 * gap.after, criteria.max_unexplained)
     unnamed_rest = at_most(
         "model", "surely predictable share of the residual", predictable_share, criteria.min_predictable_share
     )
-    noise_test = at_most("model", "gap over noise, where nothing predicts it", over_noise, criteria.max_gap_over_noise)
+    noise_test = at_most("model", OVER_NOISE, over_noise, criteria.max_gap_over_noise)
     trust = [
         noise_test,
         at_most(
-            "model", "share of the squared gap that the refit adds",
+            "model", ADDED_BY_REFIT,
             _share_added_by_refit(data.rest(final.before), given, criteria), criteria.min_predictable_share,
         ),
     ]  # fmt: skip
@@ -144,8 +149,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     if load is not None:
         trust.append(load.test)
     if diagnosis.is_contact_hidden:
-        title = "gap over noise, where the encoder hides the contact"
-        trust.append(at_most("model", title, over_noise, criteria.min_gap_over_floor))
+        trust.append(at_most("model", BEHIND_ENCODER, over_noise, criteria.min_gap_over_floor))
     percent, written = 100.0 / data.effort, diagnosis.written
 
     def gap_with(some: Sequence[EffectSettings]) -> float:
@@ -187,7 +191,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         located_after=tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
         detectable=detectable(diagnosis, axis, options),
         next_experiment=next_experiment(
-            verdict, effects, significant, diagnosis, axis.units, has_disturbance=disturbance is not None
+            verdict, effects, significant, diagnosis, axis.units, whole.passed, disturbance is not None
         ),
         tests=(
             *(test for item in diagnosis.rounds for test in item.tests),

@@ -256,7 +256,8 @@ def sentence(learnt: LearntMap, units: Units) -> str:
     low, high = float(table.min()), float(table.max())
     span = f"{low:.3g} to {high:.3g} {units.effort}"
     if "direction" not in learnt.coordinates:
-        return f"a {units.effort_word} that varies along the {along}, {span}, the same in both directions"
+        sides = "" if "velocity" in learnt.coordinates else ", the same in both directions"
+        return f"a {units.effort_word} that varies along the {along}, {span}{sides}"
     backward, forward = table[..., 0], table[..., 1]
     friction, common = 0.5 * (forward - backward), 0.5 * (forward + backward)
     if np.ptp(friction) > 2.0 * np.ptp(common):

@@ -237,7 +237,9 @@ class _Shaped:
             f"{one[0]:.3g} {self.form.text(name, one[1:].tolist(), self.shape)}"
             for one in amplitudes.reshape(len(factors), -1)
         ]
-        text = f"{units.effort_word} = {sides.format(*parts)} ({units.effort}, {name} in {units.of(unit)})"
+        low, high = self.learnt.grids[0][0], self.learnt.grids[0][-1]
+        where = f"{name} in {units.of(unit)}, {low:.3g} to {high:.3g}"
+        text = f"{units.effort_word} = {sides.format(*parts)} ({units.effort}, {where})"
         values = self.learnt.filled(self.basis @ amplitudes)
         return Formula(text, values, self.parameter_count, left)
 

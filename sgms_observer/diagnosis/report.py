@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sgms_observer.diagnosis.answer import Answer
+from sgms_observer.diagnosis.answer import ADDED_BY_REFIT, BEHIND_ENCODER, OVER_NOISE, UNEXPLAINED, Answer
 from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.questions import questions_of
@@ -148,7 +148,7 @@ def sentence(answer: Answer, units: Units) -> str:
                     f" ({gap.after:.3g} % of the rms effort) may be another contact law than that of the file."
                     f"{_learnt_in_words(answer)}"
                 )
-            return "These recordings cannot show whether the model misses anything."
+            return f"These recordings cannot show whether the model misses anything{_reasons(answer)}."
         case _:
             if answer.changed:
                 values = _listed([item.name for item in answer.changed])
@@ -159,6 +159,22 @@ def sentence(answer: Answer, units: Units) -> str:
             return (
                 f"Nothing is missing that these recordings could show; the gap is {gap.after:.3g} % of the rms effort."
             )
+
+
+def _reasons(answer: Answer) -> str:
+    """Return why the verdict is ``cannot_tell``, as the end of a sentence; empty where a warning says it."""
+    gap = answer.gap
+    sentences = {
+        UNEXPLAINED: f"the model leaves {gap.after:.3g} % of the effort unexplained",
+        OVER_NOISE: "the gap is far above the noise, and nothing predicts it",
+        ADDED_BY_REFIT: (
+            f"with the file refitted within its tolerance the gap is {gap.before:.3g} % of the rms effort, and"
+            f" {gap.given:.3g} % with the file as given"
+        ),
+        BEHIND_ENCODER: "the encoder hides the contact",
+    }
+    failed = [sentences[test.name] for test in answer.tests if not test.passed and test.name in sentences]
+    return f": {'; '.join(failed)}" if failed else ""
 
 
 def _remainder_in_words(answer: Answer) -> str:

@@ -23,6 +23,7 @@ NOT_MESSAGES = {
     "axis … moves between … and … for … s, at up to … and",
     "not diagnosed yet",
     "identify the axis first, or record more motion",
+    "record more motion to learn from",
     "record the position with a finer encoder, the motor's for example",
     "with … elements, low-pass … Hz",
     "rms … error on held-out chunks by number of elements […]",
