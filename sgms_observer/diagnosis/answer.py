@@ -19,6 +19,7 @@ from sgms_observer.diagnosis.final_model import (
     FinalModel,
     constant_force_tests,
     coordinate_tests,
+    direction_tests,
     final_model,
     learnt_maps,
 )
@@ -160,6 +161,8 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     failed = [test for test in contact_tests if not test.passed]
     if failed:
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
+    of_direction = direction_tests(data, final)
+    is_same_both_ways = all(test.passed for test in of_direction)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
     is_learnt = not all(item.is_at_rest or (diagnosis.is_contact_hidden and item.is_of_contact) for item in learnt)
@@ -173,6 +176,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     verdict = verdict_of(
         diagnosis, effects, unnamed_rest, is_learnt, whole, trust, beyond_contact, disturbance is not None
     )
+    is_all_named = unnamed_rest.passed and disturbance is None and is_same_both_ways
     everywhere = locate(final.before, data.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
     significant = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []
@@ -184,7 +188,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         effects=tuple(effects),
         learnt=tuple(learnt),
         changed=tuple(changed_values(diagnosis, final.fit, options)) if is_changed else (),
-        remainder="none" if unnamed_rest.passed and disturbance is None else "learnt" if learnt else "unknown",
+        remainder="none" if is_all_named else "learnt" if learnt else "unknown",
         disturbance=disturbance,
         located=tuple(significant),
         all_located=tuple(everywhere),
@@ -195,7 +199,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         ),
         tests=(
             *(test for item in diagnosis.rounds for test in item.tests),
-            *final.tests, *by_coordinates, *contact_tests, whole, unnamed_rest, *beyond_contact, *trust,
+            *final.tests, *by_coordinates, *of_direction, *contact_tests, whole, unnamed_rest, *beyond_contact, *trust,
             *(sliding.tests if sliding else ()),
             *(test for test in (diagnosis.refused_contact_effects, contradiction) if test is not None),
         ),

@@ -33,6 +33,8 @@ from sgms_observer.settings.units import Units
 
 PLACE = "position"
 """Coordinate of the effects that are tested together."""
+DIFFERS_BY_DIRECTION = "z-score of a force that differs between the directions"
+"""Test of a force over the position."""
 CONSTANT_FORCES = ("offset", "asymmetric_coulomb")
 """Effects that a map over any other coordinate, and over the direction, may contain."""
 UNEXPLAINED_WHILE_SLIDING = "unexplained share of the effort, with the weights of the evidence"
@@ -216,6 +218,31 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
     is_closed = criteria.is_noise(data.rms(final.after), final.noise)
     if len(closed_by) > 1 and not is_closed and all(test.passed for test in tests):
         tests.append(_beyond_one_map(data, fit, closed_by, evaluated))
+    return tests
+
+
+def direction_tests(data: GapData, final: FinalModel) -> list[Test]:
+    """Return for each named force over the position the test that it is the same in both directions.
+
+    That is what its formula says. A map over position and direction predicts surely better than one over the position
+    alone where the force has a part that depends on the direction, such as a spring that pulls harder on the way out.
+
+    Args:
+        data: recordings of the gap.
+        final: the model without maps.
+    """
+    criteria, tests = data.options.criteria, []
+    for one in accepted_candidates(final.accepted):
+        if one.settings is None or effect(one.name).coordinates != (PLACE,):
+            continue
+        without = _model_without(data, final.fit, [one.name])
+        alone = _to_learn_and_judge(data, without, residuals(without, data.motions))
+        same, differing = (left_by_best_map(alone, [key], criteria) for key in ((PLACE,), (PLACE, "direction")))
+        if same is None or differing is None:
+            continue
+        tests.append(
+            at_most(one.name, DIFFERS_BY_DIRECTION, improvement(same, differing).z_score, criteria.interval_z_score)
+        )
     return tests
 
 

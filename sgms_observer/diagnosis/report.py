@@ -9,6 +9,7 @@ from pathlib import Path
 from sgms_observer.diagnosis.answer import ADDED_BY_REFIT, BEHIND_ENCODER, OVER_NOISE, UNEXPLAINED, Answer
 from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.final_model import DIFFERS_BY_DIRECTION
 from sgms_observer.diagnosis.questions import questions_of
 from sgms_observer.diagnosis.report_pictures import (
     effect_over_position,
@@ -180,7 +181,10 @@ def _reasons(answer: Answer) -> str:
 def _remainder_in_words(answer: Answer) -> str:
     """Return what is left beside the named effects as a sentence that follows another one; empty where nothing is."""
     if not answer.learnt:
-        return ""
+        named = {item.settings.name for item in answer.effects}
+        tests = [test for test in answer.tests if test.name == DIFFERS_BY_DIRECTION and test.of in named]
+        names = _listed([test.of.replace("_", " ") for test in tests if not test.passed])
+        return f" Beside {names}, the force along the position differs between the directions." if names else ""
     maps = "a learnt map" if len(answer.learnt) == 1 else "learnt maps"
     left = f"with {maps} of it, {answer.gap_with_learnt:.3g} % is left"
     return f" Beside that, something without a name is missing: {left}."
