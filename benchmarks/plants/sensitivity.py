@@ -60,7 +60,7 @@ CRITERION_OF = {
     "share of the squared gap, where the contact slides fast": "min_predictable_share",
     "residual above noise / closed residual": "min_imitable_share",
     "share of what it closes that it surely closes beside a map": "min_imitable_share",
-    "share of the learnt maps in what a constant force": "min_imitable_share",
+    "share of a constant force that acts": "min_imitable_share",
     "share of the squared gap that another load": "min_imitable_share",
     "share of the delay": "min_imitable_share",
     "smallest likely share of the delay": "min_imitable_share",

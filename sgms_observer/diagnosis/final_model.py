@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -35,8 +36,9 @@ PLACE = "position"
 """Coordinate of the effects that are tested together."""
 DIFFERS_BY_DIRECTION = "z-score of a force that differs between the directions"
 """Test of a force over the position."""
-CONSTANT_FORCES = ("offset", "asymmetric_coulomb")
-"""Effects that a map over any other coordinate, and over the direction, may contain."""
+OFFSET = "offset"
+CONSTANT_FORCES = (OFFSET, "asymmetric_coulomb")
+"""Effects that a learnt map may hold a part of."""
 UNEXPLAINED_WHILE_SLIDING = "unexplained share of the effort, with the weights of the evidence"
 """Test of the model with everything that was added: the evidence hardly counts samples where the contact sticks."""
 
@@ -268,28 +270,26 @@ def _beyond_one_map(data: GapData, fit: Refit, closed_by: Mapping[str, float], e
 
 
 def constant_force_tests(data: GapData, final: FinalModel, learnt: Sequence[FittedMap]) -> list[Test]:
-    """Return for each named constant force the test that it closes more than the learnt maps that contain one.
+    """Return for each named constant force the test that half of it acts everywhere, with the learnt maps.
 
-    Every map may hold a constant, and one over the direction another one for each direction. So an offset or an
-    asymmetry beside such a map may be a piece of the same force. What depends on coordinates of the contact belongs to
-    the contact, and is another force.
+    A map may hold a constant, so a constant force beside it may be a piece of one force that varies: then hardly
+    anything of it is left where the map is lowest. While the contact slides an asymmetric Coulomb force is a constant
+    force, too. A map over coordinates of the contact is another force.
 
     Args:
         data: recordings of the gap.
         final: the model without maps.
         learnt: the learnt maps.
     """
-    criteria, tests = data.options.criteria, []
-    for one in accepted_candidates(final.accepted):
-        coordinates = set(effect(one.name).coordinates)
-        maps = [item for item in learnt if coordinates <= set(item.coordinates) and not item.is_of_contact]
-        if one.name not in CONSTANT_FORCES or not maps:
+    tests, least = [], data.options.criteria.min_imitable_share
+    for item in final.fit.effects:
+        maps = [one for one in learnt if not one.is_of_contact]
+        if item.name not in CONSTANT_FORCES or item.name not in final.names or not maps:
             continue
-        without = residuals(_model_without(data, final.fit, [one.name]), data.motions)
-        closed = max(data.reduction(without, final.after).decrease, 0.0)
-        by_maps = sum(item.improvement.decrease for item in maps)
-        title = "share of the learnt maps in what a constant force and they close"
-        tests.append(at_most(one.name, title, by_maps / max(by_maps + closed, 1.0e-300), criteria.min_imitable_share))
+        size = item.values[0] * (1.0 if item.name == OFFSET else final.fit.model.friction.coulomb_force)
+        lowest = min(one.lowest_force(math.copysign(1.0, size)) for one in maps)
+        title = "share of a constant force that acts where the learnt maps beside it are lowest"
+        tests.append(at_least(item.name, title, 1.0 + lowest / max(abs(size), 1.0e-300), least))
     return tests
 
 

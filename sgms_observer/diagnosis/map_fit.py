@@ -33,6 +33,9 @@ OF_CONTACT = frozenset({*CONTACT, "load", "rest"})
 POINTS = {1: 24, 2: 10}
 """Number of grid points of a coordinate, by the number of coordinates with a grid."""
 
+FEW_DATA = 0.05
+"""Share of the data that may lie below the lowest force of a map."""
+
 
 @dataclass(frozen=True)
 class FittedMap:
@@ -65,6 +68,21 @@ class FittedMap:
     def is_at_rest(self) -> bool:
         """Return whether the force relaxes at rest. There a motionless stage shows what its contact holds."""
         return self.coordinates in AT_REST
+
+    def lowest_force(self, sign: float) -> float:
+        """Return the smallest force in one direction that is the same for both directions of motion [N].
+
+        A twentieth of the data may lie below it: a map is uncertain where it has few.
+
+        Args:
+            sign: 1 or -1, the direction of the force.
+        """
+        force, shares = sign * self.map.table(), self.data_shares.reshape(self.map.table().shape)
+        if "direction" in self.coordinates:
+            force, shares = np.mean(force, axis=-1), np.sum(shares, axis=-1)
+        order = np.argsort(force, axis=None)
+        total = np.cumsum(shares.ravel()[order])
+        return float(force.ravel()[order][np.searchsorted(total, FEW_DATA * total[-1])])
 
     @property
     def settings(self) -> EffectSettings:

@@ -320,14 +320,16 @@ def test_pieces_of_a_force_along_the_rail_have_no_names(is_pair: bool, monkeypat
 
 
 @pytest.mark.parametrize(("constant", "is_piece"), [(0.0, True), (0.6, False)])
-def test_an_offset_that_is_less_than_the_map_beside_it_is_a_piece_of_it(constant: float, is_piece: bool) -> None:
-    """A force that falls off after the start has a mean."""
+def test_an_offset_that_does_not_act_everywhere_is_a_piece_of_the_map_beside_it(
+    constant: float, is_piece: bool
+) -> None:
+    """A force that falls off after the start has a mean, which may close more than the rest of it."""
     times = np.linspace(0.0, 12.0, 25)
-    force = constant + 0.8 * np.exp(-times / 3.0)
+    force = constant + 0.6 * np.exp(-times / 4.0)
     hidden = LearntMap(("time",), (tuple(times.tolist()),), tuple(force.tolist())).settings()
     answer = answer_of(diagnose([made((hidden,), 5)], [made((hidden,), 6)], AXIS, OPTIONS), AXIS, OPTIONS)
     assert answer.effects[0].settings.name == "offset" and answer.learnt
-    title = "share of the learnt maps in what a constant force and they close"
+    title = "share of a constant force that acts where the learnt maps beside it are lowest"
     assert [test.name for test in answer.doubtful] == ([title] if is_piece else [])
 
 
