@@ -15,7 +15,7 @@ from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.source import TopicSurvey
 from sgms_observer.errors import DataError
 from sgms_observer.offline.encoder import encoder_step
-from sgms_observer.offline.recording import Recordings, join_samples, recordings_from_samples
+from sgms_observer.offline.recording import Recordings, at_rate_of_changes, join_samples, recordings_from_samples
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import REVOLUTE
 
@@ -151,6 +151,7 @@ def read_axis_facts(
     try:
         recordings = recordings_from_samples(samples, Path(bag).name)
         period = recordings[0].period
+        recordings = at_rate_of_changes(recordings)
     except DataError as error:
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
