@@ -10,6 +10,7 @@ import numpy as np
 from scipy import signal
 
 from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
+from sgms_observer.application.gravity_unit import GravityUnit, gravity_unit
 from sgms_observer.arrays import Floats
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.source import TopicSurvey
@@ -54,6 +55,7 @@ class AxisFacts:
         balance: rough force balance, or None where it cannot be fitted.
         notes: sentences about dropped or changed samples.
         fault: reason why no model can be fitted; empty without one.
+        gravity: whether gravity shows, and in which unit of the angle, or None without a balance.
     """
 
     name: str
@@ -78,6 +80,7 @@ class AxisFacts:
     balance: ForceBalance | None
     notes: tuple[str, ...]
     fault: str
+    gravity: GravityUnit | None = None
 
     @property
     def rate(self) -> float:
@@ -155,6 +158,7 @@ def read_axis_facts(
     except DataError as error:
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
+    balance = fit_force_balance(recordings, axis, gravity) if recordings else None
     step = recordings[0].encoder_step if recordings else encoder_step(finite)
     return AxisFacts(
         name=axis.name,
@@ -176,9 +180,10 @@ def read_axis_facts(
         missing_efforts=1.0 - driven.size / max(len(effort), 1),
         has_reference=bool(np.any(np.isfinite(samples.reference_position))),
         pieces=len(recordings),
-        balance=fit_force_balance(recordings, axis, gravity) if recordings else None,
+        balance=balance,
         notes=recordings.notes,
         fault=fault,
+        gravity=gravity_unit(recordings, balance) if balance is not None else None,
     )
 
 

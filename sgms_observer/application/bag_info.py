@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.application.axis_facts import AxisFacts, read_axis_facts
+from sgms_observer.application.gravity_unit import gravity_warnings
 from sgms_observer.bags.source import BagReader, TopicSurvey, find_inputs, missing_topic, survey_bag
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.settings.axis import AxisSettings
@@ -93,6 +94,7 @@ def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
             f"{facts.name}: the position spans {stroke:.4g} {unit} at up to {speed:.4g} per second, more than a stage"
             " moves; if it is in degrees set position_scale: 0.01745329252, if in millimetres 0.001"
         )
+    found += gravity_warnings(facts.name, facts.gravity, joint_type)
     balance = facts.balance
     if balance is not None and balance.sign >= 0 and balance.is_significant("mass"):
         mass = balance.value("mass")
@@ -107,6 +109,12 @@ def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
                 f"{facts.name}: effort and position give a mass of {mass:.3g}"
                 f" {units.mass if joint_type else 'kg or kg m^2'}; check their units, and set effort_scale or"
                 " position_scale"
+            )
+        elif mass < 0.0 and not found:
+            found.append(
+                f"{facts.name}: the mass comes out below zero, {mass:.3g} +- {balance.std_error('mass'):.2g}"
+                f" {units.mass if joint_type else 'kg or kg m^2'}; a spring, or gravity over an angle in another unit,"
+                " acts like that: check position_scale"
             )
     return tuple(found)
 
@@ -356,9 +364,10 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
             f"{name} {facts.balance.value(name):.4g} +- {facts.balance.std_error(name):.2g}"
             for name in facts.balance.names[:3]
         )
+        gravity = " with gravity A sin q + B cos q" if "gravity_sin" in facts.balance.names else ""
         lines.append(
-            f"  below {facts.balance.corner:.3g} Hz: {values}; {100.0 * facts.balance.unexplained:.3g} % unexplained;"
-            f" {signs[facts.balance.sign]}"
+            f"  below {facts.balance.corner:.3g} Hz{gravity}: {values};"
+            f" {100.0 * facts.balance.unexplained:.3g} % unexplained; {signs[facts.balance.sign]}"
         )
     lines += [f"  note: {note}" for note in facts.notes]
     lines.append(f"  usable for: {', '.join(axis.usable_for) or NOTHING}")
