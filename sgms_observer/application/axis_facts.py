@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
+from sgms_observer.application.effort_cut_off import cut_off_sentences
 from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
 from sgms_observer.application.gravity_unit import GravityUnit, gravity_unit
 from sgms_observer.arrays import Floats
@@ -55,6 +56,8 @@ class AxisFacts:
         balance: rough force balance, or None where it cannot be fitted.
         notes: sentences about dropped or changed samples.
         fault: reason why no model can be fitted; empty without one.
+        piece_durations: of the pieces between pauses [s].
+        cut_off: sentence about an effort that the log cuts off; empty without one.
         gravity: whether gravity shows, and in which unit of the angle, or None without a balance.
     """
 
@@ -80,6 +83,8 @@ class AxisFacts:
     balance: ForceBalance | None
     notes: tuple[str, ...]
     fault: str
+    piece_durations: tuple[float, ...] = ()
+    cut_off: str = ""
     gravity: GravityUnit | None = None
 
     @property
@@ -183,6 +188,8 @@ def read_axis_facts(
         balance=balance,
         notes=recordings.notes,
         fault=fault,
+        piece_durations=tuple(piece.duration for piece in recordings),
+        cut_off=next(iter(cut_off_sentences(recordings)), ""),
         gravity=gravity_unit(recordings, balance) if balance is not None else None,
     )
 

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from sgms_observer.application.effort_cut_off import cut_off_sentences
 from sgms_observer.application.force_balance import fit_force_balance
 from sgms_observer.application.gravity_unit import gravity_unit, gravity_warnings
 from sgms_observer.errors import ConfigurationError, RecordingError
@@ -185,7 +186,8 @@ def _identified(
         answer = identification_answer(result, axis, sample_period)
         traces = traces_of(result, axis, pieces, unseen)
         cutoff, unexplained, is_converged = result.cutoff, result.unexplained, result.is_converged
-    warnings = [f"Warning: {sentence}" for sentence in _gravity_warnings(pieces, axis)]
+    cut_off = [f"{axis.name}: {sentence}" for sentence in cut_off_sentences(pieces)]
+    warnings = [f"Warning: {sentence}" for sentence in (*cut_off, *_gravity_warnings(pieces, axis))]
     answer = replace(answer, warnings=(*answer.warnings, *warnings))
     if traces.held_out:
         held_out = unexplained_share(traces.held_out)
