@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
+from sgms_observer.application.effort_cut_off import cut_off_sentences
 from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
+from sgms_observer.application.gravity_unit import GravityUnit, gravity_unit
 from sgms_observer.arrays import Floats
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.source import TopicSurvey
 from sgms_observer.errors import DataError
 from sgms_observer.offline.encoder import encoder_step
-from sgms_observer.offline.recording import Recordings, join_samples, recordings_from_samples
+from sgms_observer.offline.recording import Recordings, at_rate_of_changes, join_samples, recordings_from_samples
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import REVOLUTE
 
@@ -54,6 +56,9 @@ class AxisFacts:
         balance: rough force balance, or None where it cannot be fitted.
         notes: sentences about dropped or changed samples.
         fault: reason why no model can be fitted; empty without one.
+        piece_durations: of the pieces between pauses [s].
+        cut_off: sentence about an effort that the log cuts off; empty without one.
+        gravity: whether gravity shows, and in which unit of the angle, or None without a balance.
     """
 
     name: str
@@ -78,6 +83,9 @@ class AxisFacts:
     balance: ForceBalance | None
     notes: tuple[str, ...]
     fault: str
+    piece_durations: tuple[float, ...] = ()
+    cut_off: str = ""
+    gravity: GravityUnit | None = None
 
     @property
     def rate(self) -> float:
@@ -151,9 +159,11 @@ def read_axis_facts(
     try:
         recordings = recordings_from_samples(samples, Path(bag).name)
         period = recordings[0].period
+        recordings = at_rate_of_changes(recordings)
     except DataError as error:
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
+    balance = fit_force_balance(recordings, axis, gravity) if recordings else None
     step = recordings[0].encoder_step if recordings else encoder_step(finite)
     return AxisFacts(
         name=axis.name,
@@ -175,9 +185,12 @@ def read_axis_facts(
         missing_efforts=1.0 - driven.size / max(len(effort), 1),
         has_reference=bool(np.any(np.isfinite(samples.reference_position))),
         pieces=len(recordings),
-        balance=fit_force_balance(recordings, axis, gravity) if recordings else None,
+        balance=balance,
         notes=recordings.notes,
         fault=fault,
+        piece_durations=tuple(piece.duration for piece in recordings),
+        cut_off=next(iter(cut_off_sentences(recordings)), ""),
+        gravity=gravity_unit(recordings, balance) if balance is not None else None,
     )
 
 

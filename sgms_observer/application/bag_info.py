@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.application.axis_facts import AxisFacts, read_axis_facts
+from sgms_observer.application.gravity_unit import gravity_warnings
 from sgms_observer.bags.source import BagReader, TopicSurvey, find_inputs, missing_topic, survey_bag
+from sgms_observer.diagnosis.motion import MIN_DURATION
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
@@ -24,6 +26,8 @@ MAX_UNEXPLAINED = 0.9
 """Largest unexplained share of the effort; above it the effort does not belong to the motion."""
 MAX_MISSING = 0.5
 """Largest share of samples without effort."""
+_ENOUGH_TO_DIAGNOSE = 30.0
+"""Seconds in pieces that a diagnosis can use; with less it often cannot tell what is missing."""
 _STAMP_UNIT = 1.0e-9  # s, unit of a message's stamp; a smaller jitter is rounding
 _MAX_RANGE = {PRISMATIC: 20.0, REVOLUTE: 100.0}  # m, rad: a long gantry, sixteen turns
 _MAX_SPEED = {PRISMATIC: 20.0, REVOLUTE: 2000.0}  # m/s, rad/s: a fast linear motor, a spindle of 19,000 rev/min
@@ -57,6 +61,11 @@ def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
             f"the motion reverses {facts.reversals} times; diagnosis compares blocks that hold both directions and"
             f" needs {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion back and forth, or give several"
             " recordings"
+        )
+    if not diagnose and max(facts.piece_durations) < MIN_DURATION:
+        diagnose = (
+            f"the longest piece without a pause lasts {max(facts.piece_durations):.3g} s, and {MIN_DURATION:g} s are"
+            " needed: record 30 s or more"
         )
     replay = "" if facts.missing_efforts < 1.0 else "no sample has an effort: record control_effort"
     reasons = {"identify": identify, "diagnose": diagnose, "replay": replay}
@@ -93,6 +102,7 @@ def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
             f"{facts.name}: the position spans {stroke:.4g} {unit} at up to {speed:.4g} per second, more than a stage"
             " moves; if it is in degrees set position_scale: 0.01745329252, if in millimetres 0.001"
         )
+    found += gravity_warnings(facts.name, facts.gravity, joint_type)
     balance = facts.balance
     if balance is not None and balance.sign >= 0 and balance.is_significant("mass"):
         mass = balance.value("mass")
@@ -108,6 +118,12 @@ def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
                 f" {units.mass if joint_type else 'kg or kg m^2'}; check their units, and set effort_scale or"
                 " position_scale"
             )
+        elif mass < 0.0 and not found:
+            found.append(
+                f"{facts.name}: the mass comes out below zero, {mass:.3g} +- {balance.std_error('mass'):.2g}"
+                f" {units.mass if joint_type else 'kg or kg m^2'}; a spring, or gravity over an angle in another unit,"
+                " acts like that: check position_scale"
+            )
     return tuple(found)
 
 
@@ -119,6 +135,8 @@ def losses_in(facts: AxisFacts) -> tuple[str, ...]:
             f"{facts.name}: {100.0 * facts.missing_efforts:.3g} % of the samples have no effort with the same stamp;"
             " record control_effort at the rate of position"
         )
+    if facts.cut_off:
+        found.append(f"{facts.name}: {facts.cut_off}")
     if facts.gaps:
         found.append(
             f"{facts.name}: {facts.gaps} pauses lack samples, the longest {facts.longest_gap:.3g} s; record with a"
@@ -356,11 +374,23 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
             f"{name} {facts.balance.value(name):.4g} +- {facts.balance.std_error(name):.2g}"
             for name in facts.balance.names[:3]
         )
+        gravity = " with gravity A sin q + B cos q" if "gravity_sin" in facts.balance.names else ""
         lines.append(
-            f"  below {facts.balance.corner:.3g} Hz: {values}; {100.0 * facts.balance.unexplained:.3g} % unexplained;"
-            f" {signs[facts.balance.sign]}"
+            f"  below {facts.balance.corner:.3g} Hz{gravity}: {values};"
+            f" {100.0 * facts.balance.unexplained:.3g} % unexplained; {signs[facts.balance.sign]}"
         )
     lines += [f"  note: {note}" for note in facts.notes]
+    lines += [f"  note: {note}" for note in _time_to_diagnose(facts) if "diagnose" in axis.usable_for]
     lines.append(f"  usable for: {', '.join(axis.usable_for) or NOTHING}")
     lines += [f"  not for {use.purpose}: {use.reason}" for use in axis.uses if not use.is_possible]
     return lines
+
+
+def _time_to_diagnose(facts: AxisFacts) -> list[str]:
+    """Return a note where a diagnosis leaves out a part of a recording, or has little to judge by."""
+    whole = sum(facts.piece_durations)
+    used = sum(duration for duration in facts.piece_durations if duration >= MIN_DURATION)
+    if not 0.0 < used < _ENOUGH_TO_DIAGNOSE:
+        return []
+    parts = f", in pieces of {MIN_DURATION:g} s or more between pauses" if used < whole else ""
+    return [f"a diagnosis can use {used:.3g} of {whole:.3g} s{parts}; {_ENOUGH_TO_DIAGNOSE:g} s are better"]

@@ -36,6 +36,8 @@ _MAX_CONDITION = 1.0e4
 """Largest condition number of the scaled columns; above it the recording does not separate them."""
 _DEFLECTIONS = tuple(0.25 * 2.0 ** (-0.5 * k) for k in range(17))
 """Candidates of the slip deflection, as shares of half the range: from a quarter to a thousandth."""
+_COARSE = 4
+"""Step in the candidates where models are compared that differ in gravity."""
 _MIN_DEFLECTION_STEPS = 2.0
 """Smallest slip deflection in encoder steps and in standard deviations of the position noise."""
 _MAX_GRAVITY = 2.0
@@ -202,6 +204,24 @@ def _cancels(values: Floats, effort: Floats) -> bool:
     return max(abs(float(values[3])), math.hypot(values[4], values[5])) > largest
 
 
+def rigid_rows(recordings: Sequence[Recording], balance: ForceBalance) -> tuple[list[Floats], Floats, Floats]:
+    """Return the rows of a force balance without gravity: columns for several slip deflections, position and effort.
+
+    Args:
+        recordings: the pieces that the balance was fitted to.
+        balance: gives the band and one of the slip deflections.
+
+    Returns:
+        Acceleration, velocity, direction and 1 for each slip deflection, shape (n, 4); position [m or rad] and effort
+        [N or N m], shape (n,).
+    """
+    low = [_LowPassed(recording, balance.corner) for recording in recordings]
+    largest = max(0.5 * float(np.ptp(one.path)) for one in low)
+    tried = (0.0, balance.slip_deflection, *(share * largest for share in _DEFLECTIONS[::_COARSE]))
+    columns = [np.concatenate([one.columns(deflection)[:, :4] for one in low]) for deflection in tried]
+    return columns, np.concatenate([one.angle for one in low]), np.concatenate([one.effort for one in low])
+
+
 class _LowPassed:
     """One piece after the low-pass: its effort and the columns of the force balance, decimated.
 
@@ -224,7 +244,8 @@ class _LowPassed:
                    self._low(velocity / np.sqrt(velocity**2 + noise**2 + 1e-300)), np.ones(count),
                    np.sin(self.path), np.cos(self.path)]  # fmt: skip
         self._columns = np.column_stack(columns)[self._rows]
-        self.position = self.path[self._rows] - float(np.mean(self.path))
+        self.angle = self.path[self._rows]
+        self.position = self.angle - float(np.mean(self.path))
         self.effort = self._low(recording.effort)[self._rows]
 
     def columns(self, slip_deflection: float) -> Floats:

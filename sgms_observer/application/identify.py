@@ -10,6 +10,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from sgms_observer.application.effort_cut_off import cut_off_sentences
+from sgms_observer.application.force_balance import fit_force_balance
+from sgms_observer.application.gravity_unit import gravity_unit, gravity_warnings
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.identification.answer import Answer, identification_answer, judged_on_held_out, least_squares_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
@@ -183,12 +186,21 @@ def _identified(
         answer = identification_answer(result, axis, sample_period)
         traces = traces_of(result, axis, pieces, unseen)
         cutoff, unexplained, is_converged = result.cutoff, result.unexplained, result.is_converged
+    cut_off = [f"{axis.name}: {sentence}" for sentence in cut_off_sentences(pieces)]
+    warnings = [f"Warning: {sentence}" for sentence in (*cut_off, *_gravity_warnings(pieces, axis))]
+    answer = replace(answer, warnings=(*answer.warnings, *warnings))
     if traces.held_out:
         held_out = unexplained_share(traces.held_out)
         word = axis.units.effort_word
         sentence = f"{axis.name}: {100.0 * held_out:.2f} % of the rms {word} unexplained on held-out bags"
         answer = judged_on_held_out(replace(answer, summary=(*answer.summary, sentence)), axis, held_out)
     return IdentifiedAxis(axis.name, axis.units, answer, traces, cutoff, unexplained, is_converged, notes)
+
+
+def _gravity_warnings(pieces: Recordings, axis: AxisSettings) -> list[str]:
+    """Return the sentence that gravity asks for another joint type, or for another unit of the angle, if it does."""
+    balance = fit_force_balance(pieces, axis, has_gravity=True)
+    return [] if balance is None else gravity_warnings(axis.name, gravity_unit(pieces, balance), axis.joint_type)
 
 
 def _least_squares(pieces: Recordings, unseen: Recordings, axis: AxisSettings, cutoff: float) -> tuple[Answer, Traces]:

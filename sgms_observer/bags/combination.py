@@ -8,6 +8,7 @@ A factor is a number, ``pi``, or a single number of the log.
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -25,6 +26,7 @@ _INDEX = re.compile(r"\s*\[\s*(\d{1,9})\s*\]")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _QUOTED = re.compile(r'"([^"]*)"')
 _NAMES_SHOWN = 40
+_NEAR = 0.6  # least similarity of a name that comes first, of difflib: that of a misspelling
 
 
 @dataclass(frozen=True)
@@ -236,7 +238,20 @@ class Combination:
             return RecordingError(f"{self._path} has no factor {text}; give a number or a single number of the file")
         if text == "nothing":
             return RecordingError(f"{self._path}: {self._text} ends where a column must follow; add the column")
-        held = ", ".join(self._known[:_NAMES_SHOWN]) or "none"
-        more = f" and {len(self._known) - _NAMES_SHOWN} more" if len(self._known) > _NAMES_SHOWN else ""
-        hint = "; a number cannot be added, only a column" if _NUMBER.fullmatch(text) else ""
+        order, hint = self._by_likeness(text), ""
+        left = len(order) - _NAMES_SHOWN
+        held = ", ".join(order[:_NAMES_SHOWN]) or "none"
+        more = f" and {left} more, of which any part of a name shows its own" if left > 0 else ""
+        if _NUMBER.fullmatch(text) and self._text[: self._at].strip(" +-"):
+            hint = "; a number cannot be added, only a column"
+        elif _NUMBER.fullmatch(text) and not all(map(str.isdigit, self._known)):
+            hint = "; this table has names: give one of them"
         return RecordingError(f"{self._path} has no column {text}; it has {held}{more}{hint}")
+
+    def _by_likeness(self, text: str) -> list[str]:
+        """Return the columns, first those whose names are like a text or hold it."""
+        if _NUMBER.fullmatch(text):
+            return list(self._known)
+        near = difflib.get_close_matches(text, self._known, _NAMES_SHOWN, _NEAR)
+        near += [name for name in self._known if text.lower() in name.lower() and name not in near]
+        return [*near, *(name for name in self._known if name not in near)]

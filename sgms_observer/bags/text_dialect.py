@@ -6,11 +6,18 @@ import csv
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _COMMENTS = "#%/!"
-_DATE = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?")
+_ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?")
+_LOCAL_DATE = re.compile(
+    r"(?:(\d\d?)\.(\d\d?)\.|(\d\d?)/(\d\d?)/)(\d{4})[T ](\d\d?):(\d\d):(\d\d)(?:[.,](\d{1,6})\d*)?(?: ?([AP])M)?"
+)
+"""Day.month.year or month/day/year, and the time of day, with AM or PM or without."""
+_FORTRAN = re.compile(r"[+-]?[\d.,]+[dD][+-]?\d+")
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d+)?")
+"""A number with points between thousands, in a table with decimal commas."""
 _TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)")
 _WORD = re.compile(r"[^\W\d_][\w .:+-]*")
 _MISSING = frozenset(("", "-", "--", "---", "null", "none", "n/a", "na", "#n/a", "nan", "-nan(ind)", "nan(ind)"))
@@ -48,7 +55,7 @@ class Dialect:
             column: number of the column, from 0.
         """
         field = self.sample[column].strip().strip('"')
-        if _DATE.fullmatch(field):
+        if _is_date(field):
             origin = _moment(field)
             return lambda text: (_moment(text.strip().strip('"')) - origin).total_seconds()
         return _seconds_of_day if _TIME_OF_DAY.fullmatch(field) else None
@@ -87,7 +94,7 @@ def find_dialect(lines: Sequence[str]) -> tuple[Dialect, int] | None:
         return None
     fields = [tuple(split(lines[row], separator)) for row in (rows[0], rows[-1])]
     names = _names(lines[: rows[0]], separator, len(fields[0]))
-    sample = tuple(b if b.strip() else a for a, b in zip(*fields, strict=True))
+    sample = tuple(a if _is_date(a.strip().strip('"')) or not b.strip() else b for a, b in zip(*fields, strict=True))
     return Dialect(separator, is_comma, rows[0], names, sample, has_quotes), len(rows)
 
 
@@ -119,7 +126,54 @@ def number(field: str, has_decimal_comma: bool) -> float:
     text = field.strip()
     if text.lower() in _MISSING:
         return float("nan")
+    return _float(text, has_decimal_comma)
+
+
+def _float(text: str, has_decimal_comma: bool) -> float:
+    """Return the number of a field; beside decimal commas a point can only stand between thousands."""
+    if has_decimal_comma and "." in text:
+        if _GROUPED.fullmatch(text) is None:
+            raise ValueError(f"could not convert string {text!r} to a number")
+        text = text.replace(".", "")
+    if _FORTRAN.fullmatch(text):
+        text = text.replace("D", "e").replace("d", "e")
     return float(text.replace(",", ".") if has_decimal_comma else text)
+
+
+def unreadable_field(lines: Sequence[str]) -> tuple[int, str] | None:
+    """Return the number of the line, from 1, that is nearest to a row of numbers, and its first field that is none.
+
+    Args:
+        lines: the first lines, without their ends.
+
+    Returns:
+        None if no line holds a number.
+    """
+    for separator in _SEPARATORS:
+        best: tuple[int, int, str] = (0, 0, "")
+        for i, line in enumerate(lines):
+            fields = [field.strip() for field in split(line, separator)]
+            is_number = [_is_number(field) for field in fields]
+            if sum(is_number) > best[0] and not all(is_number):
+                best = (sum(is_number), i + 1, fields[is_number.index(False)])
+        if best[0]:
+            return best[1:]
+    return None
+
+
+def _is_number(text: str) -> bool:
+    """Return whether a field is a number in either way of writing."""
+    for has_decimal_comma in (False, True):
+        try:
+            _float(text, has_decimal_comma)
+        except ValueError:
+            continue
+        return True
+    return False
+
+
+def _is_date(text: str) -> bool:
+    return _ISO_DATE.fullmatch(text) is not None or _LOCAL_DATE.fullmatch(text) is not None
 
 
 def _seconds_of_day(text: str) -> float:
@@ -132,7 +186,10 @@ def _seconds_of_day(text: str) -> float:
 
 def _moment(text: str) -> datetime:
     """Return the moment that an ISO date names; without a zone, as if the clock stood in UTC."""
-    if _DATE.fullmatch(text) is None:
+    local = _LOCAL_DATE.fullmatch(text)
+    if local is not None:
+        return _local_moment(local)
+    if _ISO_DATE.fullmatch(text) is None:
         raise ValueError(f"could not convert string {text!r} to a date")
     moment = datetime.fromisoformat(text.replace(",", "."))
     return (
@@ -140,6 +197,16 @@ def _moment(text: str) -> datetime:
         if moment.tzinfo
         else datetime.fromisoformat(text.replace(",", ".") + ("T00:00Z" if len(text) == 10 else "Z"))
     )
+
+
+def _local_moment(found: re.Match[str]) -> datetime:
+    """Return the moment of a German or American date, as if the clock stood in UTC."""
+    day, month = (found[1], found[2]) if found[1] else (found[4], found[3])
+    hour = int(found[6])
+    if found[10]:
+        hour = hour % 12 + (12 if found[10] == "P" else 0)
+    fraction = int((found[9] or "0").ljust(6, "0"))
+    return datetime(int(found[5]), int(month), int(day), hour, int(found[7]), int(found[8]), fraction, UTC)
 
 
 def _longest_run(lines: Sequence[str], separator: str | None, is_comma: bool) -> tuple[list[int], int]:
@@ -187,10 +254,10 @@ def _words(fields: Sequence[str], is_comma: bool) -> tuple[int, frozenset[int]] 
     for i, field in enumerate(fields):
         text = field.strip()
         try:
-            float(text.replace(",", ".") if is_comma else text)
+            _float(text, is_comma)
             numbers += 1
         except ValueError:
-            if _DATE.fullmatch(text) or _TIME_OF_DAY.fullmatch(text):
+            if _is_date(text) or _TIME_OF_DAY.fullmatch(text):
                 numbers += 1
             elif _WORD.fullmatch(text):
                 words.append(i)
@@ -235,5 +302,7 @@ def _as_names(line: str, separator: str | None, width: int) -> list[str] | None:
         tries.append(re.split(r"\s{2,}|\t", text))  # names of several words, set apart by more than one space
     else:
         tries += [tries[0][:-1]] if not tries[0][-1].strip() else [[*tries[0], ""]]  # a separator at the line's end
+        if not any(map(_is_number, tries[0])):
+            tries.append(tries[0][:-1])  # a column of comments that no row fills
     found = next((fields for fields in tries if len(fields) == width), None)
     return None if found is None else [name.strip().strip("\"'").strip() for name in found]

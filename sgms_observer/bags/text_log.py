@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from sgms_observer.arrays import Floats
-from sgms_observer.bags.text_dialect import Dialect, find_dialect, number
+from sgms_observer.bags.text_dialect import Dialect, find_dialect, number, unreadable_field
 from sgms_observer.errors import RecordingError
 
 _HEADS = (200, 2_000, 20_000, 200_000)
 """Lines that are looked at for the table: more each time, where fewer are all words."""
 _ROWS_SEEN = 20  # rows of a table that are enough to know how it is written
 _LONGEST_LINE = 1 << 20  # characters; a longer line is no row of a log
+_FIELD_SHOWN = 40  # characters
 _TABLE: Literal[2] = 2  # dimensions
 _HALF_DAY, _DAY = 43_200.0, 86_400.0  # s
 
@@ -85,7 +87,15 @@ class TextLog:
         except ValueError as error:
             if isinstance(error, UnicodeDecodeError):
                 raise
-            raise RecordingError(f"{self._path}{self._reason(str(error))}; correct or remove that line") from None
+            reason = self._reason(str(error))
+        dialect = self._dialect
+        if not dialect.has_decimal_comma and dialect.separator != ",":  # whole numbers only, up to the first comma
+            self._dialect = replace(dialect, has_decimal_comma=True)
+            try:
+                return self._load(order, is_plain=False)
+            except ValueError:
+                self._dialect = dialect
+        raise RecordingError(f"{self._path}{reason}; correct or remove that line")
 
     def _load(self, order: Sequence[int], is_plain: bool) -> Floats:
         dialect = self._dialect
@@ -95,7 +105,7 @@ class TextLog:
             converters = {**{i: lambda text: number(text, has_comma) for i in order}, **converters}
         is_replaced = has_comma and is_plain and dialect.separator != ","
         with self._path.open(encoding=self._encoding, newline=None) as file:
-            lines: Any = (line.replace(",", ".") for line in file) if is_replaced else file
+            lines: Any = _with_points(file, dialect.first_row) if is_replaced else file
             values: Floats = np.loadtxt(
                 lines,
                 delimiter=dialect.separator,
@@ -119,7 +129,8 @@ class TextLog:
             return f": too few columns in line {line}"
         column = int(place[3]) - 1 if place[3] else -1
         named = f", column {self.names[column]}" if 0 <= column < len(self.names) else ""
-        return f"{named}: {place[1]} in line {line + 1}"
+        why = " beside decimal commas" if self._dialect.has_decimal_comma and "." in place[1] else ""
+        return f"{named}: {place[1]}{why} in line {line + 1}"
 
     def _find(self) -> Dialect:
         """Return how the table is written."""
@@ -132,7 +143,23 @@ class TextLog:
                 return found[0]
             if is_all or max(map(len, head), default=0) >= _LONGEST_LINE:
                 break
-        raise RecordingError(f"{self._path} has no line of numbers among its first {most}; give a text or MAT file")
+        odd = unreadable_field(head[: _HEADS[0]])
+        if odd is None:
+            raise RecordingError(
+                f"{self._path} has no line of numbers among its first {len(head)}; give a text or MAT file"
+            )
+        raise RecordingError(
+            f"{self._path} has no table of numbers: in line {odd[0]} the field {odd[1][:_FIELD_SHOWN]!r} is neither"
+            " number nor time; write it as 1234.5, 2026-03-01T12:59:58.5 or 12:59:58.5"
+        )
+
+
+def _with_points(file: Any, first_row: int) -> Iterator[str]:
+    """Yield the lines with decimal points in place of commas; ValueError where a row has points already."""
+    for i, line in enumerate(file):
+        if i >= first_row and "." in line:
+            raise ValueError("a point beside decimal commas")
+        yield line.replace(",", ".")
 
 
 def _lines(file: Any, most: int) -> Iterator[str]:

@@ -235,6 +235,11 @@ def _warnings(result: Identification, axis: AxisSettings, rows: Sequence[Row]) -
             if row.name == "friction.static_force":
                 fallback = f"the parameter file's ratio to coulomb_force stays, {result.parameters.scalars[RHO]:.4g}"
             out.append(f"{axis.name}.{row.name} is not identifiable from this recording; {fallback}{note}")
+        elif math.isinf(row.half_width):
+            out.append(
+                f"{axis.name}.{row.name} = {row.value:.4g} {row.unit} is an estimate without interval: it fits this"
+                f" recording and may not fit another{note}"
+            )
         elif row.half_width > abs(row.value) and row.name not in _NEAR_ZERO:
             out.append(
                 f"{axis.name}.{row.name} = {row.value:.4g} {row.unit} is uncertain, +- {row.half_width:.2g}: it fits"

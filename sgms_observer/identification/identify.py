@@ -29,7 +29,8 @@ from sgms_observer.settings.axis import AxisSettings
 
 MAX_UNEXPLAINED = 1.0 / 3.0
 """Share of the rms effort that held-out chunks may leave unexplained; above it the model must not be used."""
-_OTHER_CORNER = 2.0**-0.5
+OTHER_CORNER = 2.0**-0.5
+"""Corner of the second low-pass over that of the band: the fit repeated below it gives the systematic error."""
 _REASON_KEPT = "it acts on the measurement, which a fit could erase; sgms diagnose judges it"
 _SELECTION_TIME_SHARE = 0.8  # of the time, for the choice of the number of elements; used for the progress only
 
@@ -144,7 +145,7 @@ def identify(
         raise DataError("there is no recording to identify from; name at least one bag")
     shape = ElementShape.of(axis.friction, options.model)
     band = choose_band(recordings, axis, options.cutoff)
-    pieces, notes = long_enough(recordings, band.corner)
+    pieces, notes = long_enough(recordings, OTHER_CORNER * band.corner)
     start = linear_start(pieces, axis, shape, band.corner)
     is_opposed = start.atoms.is_opposed
     if is_opposed:
@@ -184,7 +185,7 @@ def identify(
 def _rows(pieces: Sequence[Recording], start: Start, cutoff: float) -> Rows:
     """Return the pieces with another corner of the low-pass and with more noise beside them, and the rows to use."""
     others = (
-        prepare_all(pieces, _OTHER_CORNER * cutoff, start.terms),
+        prepare_all(pieces, OTHER_CORNER * cutoff, start.terms),
         prepare_all([piece.with_more_noise(seed) for seed, piece in enumerate(pieces)], cutoff, start.terms),
     )
     return rows_to_use(start.data, others, start.atoms.slip_deflection)
@@ -208,12 +209,26 @@ def long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Re
 
     Args:
         recordings: evenly sampled pieces, one at least.
-        cutoff: corner of the band [Hz].
+        cutoff: lowest corner at which they are filtered [Hz].
+
+    Raises:
+        DataError: none is long enough.
     """
-    pieces = [piece for piece in recordings if piece.duration >= MIN_PERIODS / cutoff]
+    shortest = MIN_PERIODS / cutoff
+    pieces = [piece for piece in recordings if piece.duration >= shortest]
     if not pieces:
-        return [max(recordings, key=lambda piece: piece.duration)], []  # its preparation raises the error
+        longest = max(recordings, key=lambda piece: piece.duration)
+        raise DataError(
+            f"{longest.name} has no piece of {shortest:.3g} s without a pause, which a low-pass of {cutoff:.4g} Hz"
+            f" needs; the longest of {len(recordings)} lasts {longest.duration:.3g} s: record longer without losing"
+            " samples"
+        )
     skipped = len(recordings) - len(pieces)
     if not skipped:
         return pieces, []
-    return pieces, [f"{skipped} pieces shorter than {MIN_PERIODS / cutoff:.3g} s were skipped"]
+    whole = sum(piece.duration for piece in recordings)
+    lost = whole - sum(piece.duration for piece in pieces)
+    return pieces, [
+        f"{skipped} of {len(recordings)} pieces between pauses are shorter than {shortest:.3g} s and were skipped"
+        f" ({lost:.3g} of {whole:.3g} s)"
+    ]

@@ -163,15 +163,13 @@ def _prepare(recording: Recording, cutoff: float, terms: EffectTerms, first: flo
 
 
 def _check(recording: Recording, cutoff: float, motion_cutoff: float) -> None:
-    """Raise an error if the recording is too slowly sampled or too short for its low-passes."""
+    """Raise an error if the recording is too slowly sampled for its low-passes."""
     rate = 1.0 / recording.period
     if motion_cutoff >= 0.45 * rate:
         raise DataError(
             f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below {0.18 * rate:.4g} Hz,"
             f" not {cutoff:.4g} Hz"
         )
-    if recording.duration < MIN_PERIODS / cutoff:
-        raise DataError(f"{recording.name} lasts {recording.duration:.3g} s; a cutoff of {cutoff:.4g} Hz needs more")
 
 
 def prepare_all(recordings: Sequence[Recording], cutoff: float, terms: EffectTerms) -> list[Prepared]:
@@ -183,7 +181,7 @@ def prepare_all(recordings: Sequence[Recording], cutoff: float, terms: EffectTer
         terms: effects of the parameter file.
 
     Raises:
-        DataError: if a recording is too short or too slowly sampled.
+        DataError: if a recording is too slowly sampled.
     """
     begun: dict[str, float] = {}
     for recording in recordings:

@@ -243,6 +243,8 @@ def _without_not_identifiable(
 
     A parameter stays as fitted, with its wide interval, if the start value increases the cost clearly. The delay is
     always set back, because it absorbs any lead or lag. The change of the other parameters is added to their intervals.
+    Where the recording refuses the start value of the Stribeck curve, and shows none of its own either, the static
+    force is the Coulomb force: then no Stribeck velocity has an effect.
     """
     moved = np.zeros(len(at_start))
     effects = range(fit.parameters.first_effect, len(at_start))
@@ -260,6 +262,13 @@ def _without_not_identifiable(
             if again.cost <= (1.0 + NEGLIGIBLE_EXCESS) * fit.cost or DELAY in group:
                 fit, frozen = again, held
                 moved += np.abs(fit.parameters.vector() - before)
+        if V_S in not_identifiable and V_S not in frozen:
+            scalars = fit.parameters.scalars.copy()
+            scalars[RHO], scalars[V_S] = 1.0, at_start[V_S]
+            held = (*frozen, RHO, V_S)
+            flat = _search(data, replace(fit.parameters, scalars=scalars), shape, held)
+            if flat.cost <= (1.0 + NEGLIGIBLE_EXCESS) * fit.cost:
+                fit, frozen = flat, held
     return fit, widened(_confidence(data, fit.parameters, shape, frozen), moved, fit.parameters), frozen
 
 

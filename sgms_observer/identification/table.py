@@ -75,7 +75,8 @@ def _scalar_rows(result: Identification, axis: AxisSettings, widths: Floats) -> 
 
     static, static_width = scalars[RHO] * coulomb, math.hypot(coulomb_width * scalars[RHO], coulomb * widths[RHO])
     if RHO in result.frozen:
-        static_width = float("nan")
+        is_found_flat = axis.friction.static_force > axis.friction.coulomb_force and scalars[RHO] == 1.0
+        static_width = coulomb_width if is_found_flat else float("nan")
     lasting = "reverse faster"
     if RELAXATION in result.frozen:
         lasting = f"less than {result.relaxation:.2g} s, or this recording would show it"
@@ -141,7 +142,10 @@ def remarks_of(rows: Sequence[Row], result: Identification) -> dict[str, str]:
     remarks[DAMPING] = f"N s/m; over element_stiffness: {damping.remark}"
     for name in ("friction.element_stiffness", "friction.element_fraction"):
         listed = [row for row in rows if row.name.startswith(f"{name}[")]
-        widths = ", ".join(f"{100.0 * row.half_width / abs(row.value):.2g}" for row in listed)
+        widths = ", ".join(
+            f"{100.0 * row.half_width / abs(row.value):.2g}" if math.isfinite(row.half_width) else "unknown"
+            for row in listed
+        )
         wide_elements = ", ".join(row.name.split("[")[1][:-1] for row in listed if not row.is_identifiable)
         remarks[name] = f"{listed[0].unit}; +- {widths} % (95 %)" + (
             f"; wider than 5 %: {wide_elements}" if wide_elements else ""

@@ -9,7 +9,7 @@ import numpy as np
 
 from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.formulas import vectorised
-from sgms_observer.identification.identify import Identification, long_enough
+from sgms_observer.identification.identify import OTHER_CORNER, Identification, long_enough
 from sgms_observer.identification.least_squares import SYMMETRIC, InverseModelFit, regression
 from sgms_observer.identification.prepared import Prepared, prepare_all
 from sgms_observer.identification.problem import (
@@ -107,13 +107,14 @@ def traces_of(
 
     shape = ElementShape.of(axis.friction, result.model)
 
-    def traces_of_recordings(recordings: Sequence[Recording]) -> tuple[Trace, ...]:
-        pieces = long_enough(recordings, result.cutoff)[0] if len(recordings) else []
+    def traces_of_recordings(recordings: Sequence[Recording], lowest: float) -> tuple[Trace, ...]:
+        pieces = long_enough(recordings, lowest)[0] if len(recordings) else []
         if result.is_opposed:
             pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
         return tuple(_trace(piece, result, shape) for piece in prepare_all(pieces, result.cutoff, result.terms))
 
-    return Traces(traces_of_recordings(learnt), traces_of_recordings(held_out), curve)
+    fitted = traces_of_recordings(learnt, OTHER_CORNER * result.cutoff)  # the fit skipped the shorter pieces
+    return Traces(fitted, traces_of_recordings(held_out, result.cutoff), curve)
 
 
 def _trace(piece: Prepared, result: Identification, shape: ElementShape) -> Trace:

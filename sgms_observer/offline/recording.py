@@ -22,6 +22,7 @@ from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.effort_range import MIN_Z_SCORE, effort_limits
 from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
+from sgms_observer.offline.held_samples import samples_per_change
 from sgms_observer.settings.axis import AxisSettings
 
 MIN_SAMPLES = 200
@@ -198,7 +199,7 @@ def read_recordings(
     for name, samples in BagSamples(path, wanted, topics=topics):
         blocks[name].append(samples)
     second = join_samples(blocks[other.name]) if other is not None else None
-    found = recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, second)
+    found = at_rate_of_changes(recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, second))
     return replace(found, pieces=tuple(_without_unit_of_log(piece) for piece in found))
 
 
@@ -440,3 +441,50 @@ def join_samples(blocks: Sequence[Samples]) -> Samples:
     return Samples(
         *(np.concatenate([getattr(block, name) for block in blocks]) for name in Samples.__dataclass_fields__)
     )
+
+
+def at_rate_of_changes(recordings: Recordings) -> Recordings:
+    """Return recordings with each repeated position left out, and a note where there are any.
+
+    Args:
+        recordings: evenly sampled pieces.
+
+    Raises:
+        DataError: the positions change too seldom for an identification.
+    """
+    pieces, notes = [], []
+    for piece in recordings:
+        count, first = samples_per_change(piece.position, piece.encoder_step)
+        if count == 1:
+            pieces.append(piece)
+            continue
+        rate = 1.0 / (count * piece.period)
+        if rate < MIN_RATE:
+            raise DataError(
+                f"the position of {piece.name} changes at {rate:.3g} Hz only; record a position that is updated at"
+                f" {MIN_RATE:g} Hz or more"
+            )
+        note = (
+            f"{piece.name}: the position changes with one sample in {count} only; position and effort were read at"
+            f" {rate:.6g} Hz"
+        )
+        if note not in notes:
+            notes.append(note)
+        if len(piece) >= count * MIN_SAMPLES:
+            pieces.append(_thinned(piece, count, first))
+    if recordings and not pieces:
+        raise DataError(f"no piece holds {MIN_SAMPLES} changes of the position; record longer")
+    return Recordings(tuple(pieces), (*recordings.notes, *notes))
+
+
+def _thinned(piece: Recording, count: int, first: int) -> Recording:
+    """Return one sample in ``count``, from sample ``first`` on."""
+    rows = slice(first, None, count)
+    reference, other = (
+        None if values is None else values[rows] for values in (piece.reference_position, piece.other_position)
+    )
+    return replace(
+        piece, period=count * piece.period, position=piece.position[rows], effort=piece.effort[rows],
+        reference_position=reference, other_position=other, start=piece.start + first * piece.period,
+        recorded_step=piece.encoder_step, recorded_limits=piece.effort_limits,
+    )  # fmt: skip

@@ -241,7 +241,10 @@ def _lights(
 ) -> Sequence[Light]:
     """Return the questions about one axis."""
     fits = figures["nis"] <= MAX_NIS
-    answer = f"NIS is {figures['nis']:.3g}; it is near 1 where the observer knows its own uncertainty."
+    answer = (
+        f"NIS is {figures['nis']:.3g}; it is near 1 where the observer knows its own uncertainty, and below 1 where"
+    )
+    answer += " it expects larger innovations than it gets, which is harmless."
     if not fits:
         answer += f" Above {MAX_NIS:g} the model lacks something (run sgms diagnose) or a parameter is wrong."
     found = [Light("Model", f"Does the model{of_axis} fit this recording?", GOOD if fits else BAD, answer)]

@@ -189,3 +189,70 @@ def test_any_text_gives_a_table_or_one_sentence(tmp_path: Path, text: str, encod
             assert "\n" not in str(error)
         else:
             assert np.all(np.diff(log.stamp_ns) > 0)
+
+
+def _values(tmp_path: Path, lines: list[str]) -> list[list[float]]:
+    """Return the columns of a log."""
+    log = open_log(write(tmp_path / "log.csv", lines))
+    columns = log.columns(tuple(log.names))
+    return [columns[name].tolist() for name in log.names]
+
+
+def test_points_between_thousands_beside_decimal_commas(tmp_path: Path) -> None:
+    """2.543 counts were read as 2.543."""
+    lines = ["t;counts;u", "0,001;-1;1.234,5", *(f"0,{k:03d};2.{k:03d};-0,5" for k in range(500, 540))]
+    _, counts, effort = _values(tmp_path, lines)
+    assert counts[:2] == [-1.0, 2500.0] and effort[:2] == [1234.5, -0.5]
+
+
+def test_other_points_beside_decimal_commas_are_refused(tmp_path: Path) -> None:
+    lines = ["t;x", *(f"0,{k:03d};{k}" for k in range(300)), "0,300;0.25"]
+    with pytest.raises(RecordingError, match=r"column x: .*'0.25' .* beside decimal commas in line 302"):
+        _values(tmp_path, lines)
+
+
+def test_a_decimal_comma_after_many_whole_numbers(tmp_path: Path) -> None:
+    lines = ["t;x", *(f"{k};0" for k in range(300)), "300;0,25", "301;-0,5"]
+    assert _values(tmp_path, lines)[1][-2:] == [0.25, -0.5]
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        ["22.11.2026 23:59:59,9", "23.11.2026 00:00:00,0", "23.11.2026 00:00:00,1"],
+        ["11/22/2026 11:59:59.9 PM", "11/23/2026 12:00:00.0 AM", "11/23/2026 12:00:00.1 AM"],
+    ],
+)
+def test_german_and_american_dates(tmp_path: Path, stamps: list[str]) -> None:
+    np.testing.assert_allclose(
+        _values(tmp_path, ["t;x", *(f"{one};1" for one in stamps)])[0], [0.0, 0.1, 0.2], atol=1e-9
+    )
+
+
+def test_exponents_of_fortran(tmp_path: Path) -> None:
+    assert _values(tmp_path, ["t x", "0.0D+00 -1.5D-06", "1.0d-03 2.5D2"]) == [[0.0, 1e-3], [-1.5e-6, 250.0]]
+
+
+@pytest.mark.parametrize("field", ["8,388,607", "0x7FFFFF", "00:01.234"])
+def test_the_field_that_stops_the_reader_is_named(tmp_path: Path, field: str) -> None:
+    lines = ["t;x", *(f"0.{k:03d};{field}" for k in range(30))]
+    with pytest.raises(RecordingError, match=f"no table of numbers: in line 2 the field '{field}' is neither"):
+        _values(tmp_path, lines)
+
+
+def test_a_name_for_a_column_that_no_row_has(tmp_path: Path) -> None:
+    """LabVIEW ends its line of names with a column of comments."""
+    lines = ["X_Value\tpos\teff\tComment", *(f"0.{k}\t{k}\t-1" for k in range(10))]
+    assert open_log(write(tmp_path / "log.lvm", lines)).names == ("X_Value", "pos", "eff")
+
+
+def test_the_nearest_of_many_columns_come_first(tmp_path: Path) -> None:
+    names = ["t", *(f"channel_{k}" for k in range(60)), "act_pos_deg"]
+    lines = [",".join(names), *(",".join([str(k)] * len(names)) for k in range(3))]
+    path = write(tmp_path / "log.csv", lines)
+    with pytest.raises(RecordingError, match=r"no column act_pos; it has act_pos_deg, t, .* and 22 more"):
+        read_table(path, {"time": "t", "position": "act_pos"})
+    with pytest.raises(RecordingError, match="this table has names: give one of them"):
+        read_table(path, {"time": "t", "position": "3"})
+    with pytest.raises(RecordingError, match="a number cannot be added, only a column"):
+        read_table(path, {"time": "t", "position": "channel_1+3"})

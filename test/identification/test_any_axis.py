@@ -14,7 +14,7 @@ from sgms_observer.cli.main import main
 from sgms_observer.errors import DataError
 from sgms_observer.identification.answer import identification_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
-from sgms_observer.identification.problem import DELAY, MASS, VISCOUS
+from sgms_observer.identification.problem import DELAY, MASS, RHO, V_S, VISCOUS
 from sgms_observer.identification.trace import traces_of, unexplained_share
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
@@ -203,3 +203,32 @@ def test_the_other_axis_is_the_one_that_the_observer_follows(
     options = ["--config", str(start), "--out", str(tmp_path / "out"), "--axis", "z"]
     assert main([command, str(tmp_path / "bag"), *options]) != 0
     assert asked == ["y"]
+
+
+def test_a_piece_too_short_for_one_of_the_filters_is_skipped() -> None:
+    angle, torque = _turning()
+    whole = Recording("joint", PERIOD, angle, torque)
+    pieces = [whole.part(0, 3800), whole.part(3900, 5900)]  # 19 s and 10 s; the lower of two corners needs 11.3 s
+    options = IdentifyOptions(count=1, cutoff=10.0)
+    result = identify(pieces, _axis(), options)
+    expected = "1 of 2 pieces between pauses are shorter than 11.3 s and were skipped (10 of 29 s)"
+    assert result.notes == (expected,)
+    assert result.parameters.scalars[MASS] == pytest.approx(INERTIA, rel=0.1)
+    assert len(traces_of(result, _axis(), pieces, ()).learnt) == 1
+    with pytest.raises(DataError, match=r"joint has no piece of 11.3 s without a pause"):
+        identify(pieces[1:], _axis(), options)
+
+
+def test_a_static_force_at_the_coulomb_force_leaves_that_its_interval() -> None:
+    """Friction falls towards rest. The ratio was 5 at a Stribeck velocity below all speeds, with ``+- inf`` at both."""
+    angle, torque = _turning()
+    velocity = np.gradient(angle, PERIOD)
+    torque -= 0.4 * COULOMB * np.exp(-((velocity / 0.5) ** 2)) * np.tanh(velocity / 1e-3)
+    axis = _axis(friction={"static_force": 30.0, "coulomb_force": 8.0, "stribeck_velocity": 0.3})
+    result = identify([Recording("joint", PERIOD, angle, torque)], axis, QUICK)
+    assert (result.parameters.scalars[RHO], result.parameters.scalars[V_S]) == (1.0, 0.3)
+    answer = identification_answer(result, axis, PERIOD)
+    widths = {row.name: row.half_width for row in answer.rows}
+    assert widths["friction.coulomb_force"] < 0.2 * COULOMB
+    assert widths["friction.static_force"] == widths["friction.coulomb_force"]
+    assert not any("+- inf" in text for text in (*answer.warnings, *answer.remarks.values()))

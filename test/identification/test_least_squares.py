@@ -10,6 +10,7 @@ import pytest
 from scipy.io import loadmat
 
 from sgms_observer.errors import DataError
+from sgms_observer.identification.confidence import least_squares_covariance
 from sgms_observer.identification.least_squares import ASYMMETRIC, fit_inverse_model, regression
 from sgms_observer.offline.recording import Recording
 
@@ -72,3 +73,11 @@ def test_one_way_motion_is_refused_with_a_sentence() -> None:
     still = Recording("still", period, position, np.ones(10_000), np.full(10_000, np.nan))
     with pytest.raises(DataError, match=r"apart|never excite"):
         fit_inverse_model([still])
+
+
+def test_a_piece_without_rows_adds_nothing_to_the_covariance() -> None:
+    """A piece between two pauses may end before the elements have forgotten their start."""
+    rng = np.random.default_rng(1)
+    jacobian, residual = rng.normal(size=(300, 2)), rng.normal(size=300)
+    with_empty = least_squares_covariance([jacobian, jacobian[:0]], [residual, residual[:0]])
+    np.testing.assert_array_equal(with_empty, least_squares_covariance([jacobian], [residual]))

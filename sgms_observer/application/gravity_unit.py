@@ -1,0 +1,120 @@
+"""Whether a recording shows gravity of a joint, and the unit of the joint's angle in which it does.
+
+Gravity turns with the joint, once in 2 pi rad. So a joint that carries a load tells the unit of its angle. The rest of
+the force balance, mass, friction and offset, explains the same in every unit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sgms_observer.application.force_balance import MIN_Z_SCORE, ForceBalance, rigid_rows
+from sgms_observer.arrays import Floats
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.units import PRISMATIC, REVOLUTE
+
+RADIANS_PER_UNIT = {"degrees": math.pi / 180.0, "revolutions": 2.0 * math.pi}
+"""Units of logs beside radians, with the factor to radians."""
+_MAX_SQUARED_RATIO = 0.5
+"""Largest ratio of the squared residuals of two models, of which one explains decidedly more."""
+_MIN_SINGULAR = 1.0e-4  # of the largest singular value of the scaled columns; below it they are one column
+_BLOCKS = 20  # of the residual, in whose scatter a decrease has to show
+
+
+@dataclass(frozen=True)
+class GravityUnit:
+    """Shares of the effort that the force balance leaves unexplained, with gravity in several units.
+
+    Attributes:
+        without: rms residual without gravity over the effort's standard deviation [-].
+        in_radians: the same with gravity of a position in radians [-].
+        turns: the recording shows gravity of a joint whose angle is in radians.
+        better: unit of ``RADIANS_PER_UNIT`` in which gravity explains decidedly more than in radians; empty without.
+        in_better: share that it leaves unexplained [-]; that in radians without one.
+    """
+
+    without: float
+    in_radians: float
+    turns: bool
+    better: str
+    in_better: float
+
+
+def gravity_unit(recordings: Sequence[Recording], balance: ForceBalance) -> GravityUnit:
+    """Return what the recordings show about gravity and the unit of the angle.
+
+    Args:
+        recordings: the pieces that the balance was fitted to.
+        balance: rough force balance; gives the band.
+    """
+    rigid, position, effort = rigid_rows(recordings, balance)
+    spread = float(np.std(np.concatenate([piece.effort for piece in recordings])))
+
+    def residual(*forces: Floats) -> Floats:
+        return min((_residual(columns, effort, *forces) for columns in rigid), key=_rms)
+
+    without = residual()
+    spring = residual(position - np.mean(position))  # gravity over a small angle looks like one
+    radians = residual(np.sin(position), np.cos(position))
+    best, unit = radians, ""
+    for name, factor in RADIANS_PER_UNIT.items():
+        other = residual(np.sin(factor * position), np.cos(factor * position))
+        if _rms(other) < _rms(best) and _is_surely_smaller(other, spring) and _explains_more(other, radians):
+            best, unit = other, name
+    turns = not unit and _explains_more(radians, without) and _is_surely_smaller(radians, spring)
+    shares = [_rms(residual) / spread if spread > 0.0 else 0.0 for residual in (without, radians, best)]
+    return GravityUnit(shares[0], shares[1], turns, unit, shares[2])
+
+
+def gravity_warnings(name: str, gravity: GravityUnit | None, joint_type: str | None) -> list[str]:
+    """Return the sentence that gravity asks for another joint type, or for another unit of the angle, if it does.
+
+    Args:
+        name: of the axis.
+        gravity: what its recording shows; None without a force balance.
+        joint_type: prismatic or revolute; None if it is not known.
+    """
+    if gravity is None:
+        return []
+    left = 100.0 * gravity.in_better
+    if gravity.turns and joint_type != REVOLUTE:
+        return [
+            f"{name}: with the gravity of a turning joint the balance of forces leaves {left:.3g} % of the effort"
+            f" unexplained, without it {100.0 * gravity.without:.3g} %; if this axis turns, set joint_type: revolute"
+            " (--joint-type revolute)"
+        ]
+    if gravity.better and joint_type != PRISMATIC:
+        return [
+            f"{name}: gravity does not act over an angle in radians, which leaves {100.0 * gravity.in_radians:.3g} % of"
+            f" the effort unexplained; in {gravity.better} it leaves {left:.3g} %: multiply position_scale by"
+            f" {RADIANS_PER_UNIT[gravity.better]:.10g}, or by the factor from the motor to the joint"
+        ]
+    return []
+
+
+def _residual(rigid: Floats, effort: Floats, *forces: Floats) -> Floats:
+    """Return what mass, friction, offset and forces of the position leave of the effort [N or N m], shape (n,)."""
+    matrix = np.column_stack([rigid, *forces])
+    scale = np.linalg.norm(matrix, axis=0)
+    matrix = matrix / np.where(scale > 0.0, scale, 1.0)
+    return np.asarray(effort - matrix @ np.linalg.lstsq(matrix, effort, rcond=_MIN_SINGULAR)[0])
+
+
+def _explains_more(residual: Floats, other: Floats) -> bool:
+    """Return whether a residual is decidedly and surely smaller than another one."""
+    return _rms(residual) ** 2 < _MAX_SQUARED_RATIO * _rms(other) ** 2 and _is_surely_smaller(residual, other)
+
+
+def _is_surely_smaller(residual: Floats, other: Floats) -> bool:
+    """Return whether the rms of a residual is smaller by more than the scatter of the decrease over blocks of time."""
+    ours, theirs = ([_rms(block) for block in np.array_split(values, _BLOCKS)] for values in (residual, other))
+    decrease = np.subtract(theirs, ours)
+    return bool(np.sum(decrease) > MIN_Z_SCORE * float(np.linalg.norm(decrease)))
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
