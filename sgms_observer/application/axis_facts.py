@@ -41,7 +41,7 @@ class AxisFacts:
         longest_gap: longest pause [s].
         duplicate_stamps: messages with the stamp of the one before.
         backward_stamps: messages with an earlier stamp than the one before.
-        position_range: smallest and largest position [m or rad].
+        position_range: smallest and largest position, unwrapped where an angle wraps [m or rad].
         encoder_step: step of the grid of the positions [m or rad]; 0 where there is none.
         position_noise: white noise and steps of the position, standard deviation [m or rad].
         peak_speed: largest speed, low-passed [m/s or rad/s].
@@ -123,7 +123,12 @@ class AxisFacts:
 
 
 def read_axis_facts(
-    bag: str | Path, axis: AxisSettings, survey: TopicSurvey, topics: Mapping[str, str], has_gravity: bool | None = None
+    bag: str | Path,
+    axis: AxisSettings,
+    survey: TopicSurvey,
+    topics: Mapping[str, str],
+    has_gravity: bool | None = None,
+    unit: str | None = None,
 ) -> AxisFacts:
     """Return the facts about one axis of a recording.
 
@@ -133,6 +138,7 @@ def read_axis_facts(
         survey: of the topic that holds its position.
         topics: names of the input topics where they differ.
         has_gravity: fit gravity of a revolute axis; None fits it on a revolute joint.
+        unit: of the position in notes; None takes that of the axis.
 
     Raises:
         RecordingError: the bag cannot be read or lacks a topic or the axis.
@@ -149,12 +155,13 @@ def read_axis_facts(
     finite, driven = position[np.isfinite(position)], effort[np.isfinite(effort)]
     fault, recordings = "", Recordings(())
     try:
-        recordings = recordings_from_samples(samples, Path(bag).name)
+        recordings = recordings_from_samples(samples, Path(bag).name, unit=unit or axis.units.position)
         period = recordings[0].period
     except DataError as error:
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
     step = recordings[0].encoder_step if recordings else encoder_step(finite)
+    positions = np.concatenate([piece.position for piece in recordings]) if recordings else finite
     return AxisFacts(
         name=axis.name,
         samples=len(position),
@@ -165,7 +172,7 @@ def read_axis_facts(
         longest_gap=float(forward.max()) if forward.size else 0.0,
         duplicate_stamps=int(np.count_nonzero(pauses == 0.0)),
         backward_stamps=int(np.count_nonzero(pauses < 0.0)),
-        position_range=_range(finite),
+        position_range=_range(positions),
         encoder_step=step,
         position_noise=max((piece.position_noise for piece in recordings), default=0.0),
         peak_speed=max((_peak_speed(piece.position, piece.period) for piece in recordings), default=float("nan")),

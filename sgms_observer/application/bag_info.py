@@ -300,8 +300,8 @@ def inspect_bag(
     found = []
     for name in axes or joints:
         axis = AxisSettings(name=name, joint_type=joint_type or PRISMATIC)
-        gravity = None if joint_type else True
-        facts = read_axis_facts(bag, axis, position, topics, gravity)
+        gravity, unit = (None, None) if joint_type else (True, "m or rad")
+        facts = read_axis_facts(bag, axis, position, topics, gravity, unit)
         found.append(AxisInfo(facts, uses_of(facts), doubts_about(facts, joint_type) + losses_in(facts)))
     return BagInfo(str(bag), surveys, inputs, tuple(found), tuple(sentences), joint_type)
 

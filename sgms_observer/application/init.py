@@ -329,7 +329,8 @@ def _from_bag(
             )
             facts = read_axis_facts(bag, axis, position, topics)
         draft = recorded_draft(facts, axis.joint_type, axis.position_scale, axis.effort_scale)
-        found += [*doubts_about(facts, axis.joint_type), *losses_in(facts), *draft.warnings]
+        notes = [f"{name}: {note}" for note in facts.notes]
+        found += [*doubts_about(facts, axis.joint_type), *losses_in(facts), *notes, *draft.warnings]
         drafts.append(draft)
     shortest = min(draft.period for draft in drafts)
     return [replace(draft, period=shortest) for draft in drafts], found

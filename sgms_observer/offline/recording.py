@@ -2,7 +2,8 @@
 
 Irregular stamps are brought to an even grid by a cubic through the samples. Where the stamps stray and the samples do
 not, the samples are the grid. Equal and backward stamps are dropped. Pauses cut the recording into pieces; pieces that
-are too short are left out. Notes report these changes.
+are too short are left out. An angle that wraps is unwrapped; other jumps of the position cut. Notes report these
+changes.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.effort_range import MIN_Z_SCORE, effort_limits
 from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
+from sgms_observer.offline.jumps import MAX_PAUSE, later_stamps, without_jumps
 from sgms_observer.settings.axis import AxisSettings
 
 MIN_SAMPLES = 200
@@ -34,7 +36,6 @@ _RATE_TOLERANCE = 0.98  # of MIN_RATE: a clock that runs slow
 _MAX_STRAY = 0.02  # share of the period by which a stamp may stray before the signals are interpolated
 _MAX_UNEVEN = 0.01  # share of the period by which a pause may differ from it in an even recording
 _MAX_TRIMMED = 10  # samples at either end that are dropped if only their pauses are uneven
-_MAX_PAUSE = 3.5  # periods; a longer pause cuts the recording
 _BLOCK = 20  # samples of a block in which the noise of two readings is compared: longer than what one sample reaches
 _RATES = 40  # quarters of a period by which the rough rate may be off over a whole piece
 
@@ -198,7 +199,7 @@ def read_recordings(
     for name, samples in BagSamples(path, wanted, topics=topics):
         blocks[name].append(samples)
     second = join_samples(blocks[other.name]) if other is not None else None
-    found = recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, second)
+    found = recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, second, axis.units.position)
     return replace(found, pieces=tuple(_without_unit_of_log(piece) for piece in found))
 
 
@@ -218,20 +219,29 @@ def _without_unit_of_log(piece: Recording) -> Recording:
     )  # fmt: skip
 
 
-def recordings_from_samples(samples: Samples, name: str, other: Samples | None = None) -> Recordings:
+def recordings_from_samples(
+    samples: Samples, name: str, other: Samples | None = None, unit: str = "m or rad"
+) -> Recordings:
     """Cut a block of samples into evenly sampled pieces.
 
     Args:
         samples: recorded samples of one axis, in SI units.
         name: name of the recording.
         other: recorded samples of another axis, or None.
+        unit: of the positions, for the notes.
 
     Returns:
-        Pieces between pauses, each long enough to learn from, in order of time, and notes.
+        Pieces between pauses and jumps of the position, each long enough to learn from, in order of time, and notes.
 
     Raises:
         DataError: if nothing usable is left.
     """
+    continuous = without_jumps(samples, name, unit)
+    samples, cuts, notes = continuous.samples, continuous.cuts_ns, list(continuous.notes)
+    if other is not None:
+        of_other = without_jumps(other, f"{name}, other axis", "m or rad")
+        other, cuts = of_other.samples, np.sort(np.concatenate((cuts, of_other.cuts_ns)))
+        notes += of_other.notes
     good = np.isfinite(samples.position) & np.isfinite(samples.effort)
     stamp = samples.stamp_ns[good]
     if len(stamp) < MIN_SAMPLES:
@@ -239,9 +249,7 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
             f"{name} holds {len(stamp)} samples with both position and control_effort; identification needs at least"
             f" {MIN_SAMPLES}: record both topics"
         )
-    newest = np.maximum.accumulate(stamp)
-    keep = np.concatenate(([True], stamp[1:] > newest[:-1]))
-    notes = []
+    keep = later_stamps(stamp)
     if not np.all(keep):
         notes.append(f"{name}: {int(np.sum(~keep))} of {len(keep)} samples with duplicate or backward stamps dropped")
     seconds = (stamp[keep] - stamp[0]) * 1e-9
@@ -249,19 +257,24 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
     step, limits = encoder_step(signals[0]), effort_limits(signals[1])
     pauses = np.diff(seconds)
     typical = float(np.median(pauses))
-    whole = pauses <= _MAX_PAUSE * typical
-    period = _mean_period(pauses[whole], typical)
+    whole = pauses <= MAX_PAUSE * typical
+    period = mean_period(pauses[whole], typical)
     if period * MIN_RATE * _RATE_TOLERANCE > 1.0:
         raise DataError(
             f"{name} is sampled at {1.0 / period:.3g} Hz; record position and control_effort at {MIN_RATE:g} Hz or more"
         )
+    whole &= np.diff(np.searchsorted(cuts, stamp[keep], side="right")) == 0
     edges = [0, *(np.flatnonzero(~whole) + 1).tolist(), len(seconds)]
     spans = [(a, b) for a, b in pairwise(edges) if b - a >= MIN_SAMPLES]
+    by = "pauses and jumps of the position" if len(cuts) else "pauses"
     if not spans:
-        raise DataError(f"{name} is broken by pauses into pieces shorter than {MIN_SAMPLES} samples; record it again")
+        jumps = "".join(f"; {note}" for note in continuous.notes)
+        raise DataError(
+            f"{name} is broken by {by} into pieces shorter than {MIN_SAMPLES} samples; record it again{jumps}"
+        )
     if skipped := len(edges) - 1 - len(spans):
         lost = len(seconds) - sum(b - a for a, b in spans)
-        notes.append(f"{name}: {skipped} pieces between pauses hold fewer than {MIN_SAMPLES} samples and were skipped"
+        notes.append(f"{name}: {skipped} pieces between {by} hold fewer than {MIN_SAMPLES} samples and were skipped"
                      f" ({lost} samples)")  # fmt: skip
     origin = float(stamp[0]) * 1e-9
     pieces, readings = [], []
@@ -280,10 +293,14 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
     return Recordings(tuple(pieces), tuple(notes))
 
 
-def _mean_period(pauses: Floats, typical: float) -> float:
+def mean_period(pauses: Floats, typical: float) -> float:
     """Return the period over half of the recording, the median of all halves [s].
 
     A coarse clock biases the median pause; a few wrong stamps bias the mean.
+
+    Args:
+        pauses: between samples, shape (n,) [s].
+        typical: about the period [s].
     """
     counts = np.concatenate(([0.0], np.cumsum(np.maximum(np.round(pauses / typical), 1.0))))
     seconds = np.concatenate(([0.0], np.cumsum(pauses)))

@@ -265,3 +265,38 @@ def test_samples_that_wait_longer_than_the_compensation_looks_ahead(
     found = result(capsys, "check", str(tmp_path / "axis.yaml"))
     assert found["fits"] and len(found["warnings"]) == is_late
     assert all("the first compensations of every block come too late" in one for one in found["warnings"])
+
+
+def write_turning(path: Path, *, jump: float = 0.0) -> str:
+    """Write the motion of a joint that turns by some turns as a drive logs it, 0 to 2 pi, and return the bag's path."""
+    time, position, effort = motion(stroke=20.0)
+    position = np.mod(position, 2.0 * np.pi) if not jump else position + jump * (time > 7.0)
+    write_table(Table(np.round(time * 1e9).astype(np.int64), position, effort, None, None, ()), path, "x")
+    return str(path)
+
+
+def test_an_angle_that_wraps_is_read_as_the_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was read as 700 rad/s, with a mass of nothing, and diagnose named an effect."""
+    bag, out = write_turning(tmp_path / "bag"), str(tmp_path / "axis.yaml")
+    (axis,) = result(capsys, "info", bag, "--joint-type", "revolute")["axes"]
+    assert axis["position"]["peak_speed"] < 50.0 and axis["force_balance"]["mass"]["value"] == pytest.approx(MASS, 0.05)
+    assert "by 6.28319 rad; it was unwrapped" in axis["notes"][0]
+    initialised = result(capsys, "init", bag, "--out", out, "--joint-type", "revolute")
+    assert "it was unwrapped" in "".join(initialised["warnings"])
+    (drafted,) = load_settings(out).axes
+    assert drafted.mass == pytest.approx(MASS, 0.05) and drafted.filter.jump_speed < 500.0  # a wrap is 3142 rad/s
+    assert "it was unwrapped" in "".join(result(capsys, "check", out, bag)["warnings"])
+
+
+def test_a_homing_within_a_recording_is_reported_by_every_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, out = write_turning(tmp_path / "bag", jump=30.0), str(tmp_path / "axis.yaml")
+    (axis,) = result(capsys, "info", bag)["axes"]
+    sentence = "the position jumps within one sample by 30 {} at 6.002 s; the recording is cut there"
+    assert sentence.format("m or rad") in axis["notes"][0] and axis["pieces"] == 2
+    warnings = result(capsys, "init", bag, "--out", out, "--joint-type", "revolute")["warnings"]
+    assert sentence.format("rad") in "".join(warnings)
+    assert sentence.format("rad") in "".join(result(capsys, "check", out, bag)["warnings"])
+    (drafted,) = load_settings(out).axes
+    assert drafted.filter.jump_speed < 1000.0  # the jump is 15,000 rad/s
