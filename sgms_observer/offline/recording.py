@@ -37,6 +37,13 @@ _MAX_STRAY = 0.02  # share of the period by which a stamp may stray before the s
 _MAX_UNEVEN = 0.01  # share of the period by which a pause may differ from it in an even recording
 _MAX_TRIMMED = 10  # samples at either end that are dropped if only their pauses are uneven
 _BLOCK = 20  # samples of a block in which the noise of two readings is compared: longer than what one sample reaches
+_MAX_SURE = 0.4  # periods; how many periods a pause holds is not sure where it is farther from a whole number
+_COUNTED = 50  # samples of a block whose mean shows whether samples are missing before it
+_MIN_BLOCKS = 8  # of a short piece
+_MAX_WANDER = 0.5  # periods; a missing sample makes a step of one, jitter of half a period spreads 1000 means by 0.45
+_COHERENT = 128  # samples of the first blocks of which the spectrum is searched
+_MAX_RATE_RATIO = 1.9  # of the rate to the mean rate where samples are missing; twice the rate is a peak too
+_MIN_POWER = 4.0  # of the spectral peak over that of stamps without a rate
 _RATES = 40  # quarters of a period by which the rough rate may be off over a whole piece
 
 
@@ -296,16 +303,53 @@ def recordings_from_samples(
 def mean_period(pauses: Floats, typical: float) -> float:
     """Return the period over half of the recording, the median of all halves [s].
 
-    A coarse clock biases the median pause; a few wrong stamps bias the mean.
+    A coarse clock biases the median pause; a few wrong stamps bias the mean. Where stamps stray by more, single pauses
+    do not show how many periods they hold: the samples are counted, or, where some are missing, the spectrum of the
+    stamps is searched.
 
     Args:
         pauses: between samples, shape (n,) [s].
         typical: about the period [s].
     """
-    counts = np.concatenate(([0.0], np.cumsum(np.maximum(np.round(pauses / typical), 1.0))))
+    whole = np.maximum(np.round(pauses / typical), 1.0)
     seconds = np.concatenate(([0.0], np.cumsum(pauses)))
+    if 4 * np.count_nonzero(np.abs(pauses / typical - whole) > _MAX_SURE) > _RATES:
+        return _counted_period(seconds) or _spectral_period(seconds) or typical
+    counts = np.concatenate(([0.0], np.cumsum(whole)))
     half = len(seconds) // 2
     return float(np.median((seconds[half:] - seconds[: len(seconds) - half]) / (counts[half:] - counts[:-half])))
+
+
+def _counted_period(seconds: Floats) -> float:
+    """Return the mean period [s] where no sample is missing; otherwise 0.
+
+    A missing sample moves all later ones by a period, jitter moves none but its own: means over blocks tell them apart.
+    """
+    period, start = (float(value) for value in np.polyfit(np.arange(len(seconds)), seconds, 1))
+    off = seconds - start - period * np.arange(len(seconds))
+    blocks = np.array_split(off, max(_MIN_BLOCKS, len(seconds) // _COUNTED))
+    wander = np.array([float(np.mean(block)) for block in blocks])
+    return period if float(np.ptp(wander)) < _MAX_WANDER * period else 0.0
+
+
+def _spectral_period(seconds: Floats) -> float:
+    """Return the period [s] at the peak of the spectrum of the stamps; 0 where they have none.
+
+    Stamps that stray are coherent over a few samples within a wide band of rates, and over many within a narrow one, so
+    that the rate is refined with growing blocks.
+    """
+    slowest, length = float(np.mean(np.diff(seconds))), _COHERENT
+    rates = np.arange(_RATE_TOLERANCE, _MAX_RATE_RATIO, 0.25 / length) / slowest
+    while True:
+        blocks = seconds[: len(seconds) // length * length].reshape(-1, length)
+        power = [float(np.mean(np.abs(np.mean(np.exp(-2.0j * np.pi * rate * blocks), axis=1)) ** 2)) for rate in rates]
+        best = float(rates[int(np.argmax(power))])
+        if length == _COHERENT and max(power) < _MIN_POWER / length:
+            return 0.0
+        if length * 8 > len(seconds):
+            return 1.0 / best
+        rates = best + np.arange(-16, 17) / (32.0 * length * slowest)
+        length *= 8
 
 
 @dataclass(frozen=True)
@@ -346,7 +390,8 @@ def _even_reading(period: float, seconds: Floats, signals: Sequence[Floats]) -> 
     if stray <= _MAX_STRAY:
         return _Reading(period, start, [np.ascontiguousarray(values, dtype=np.float64) for values in signals], stray)
     stamped = _Reading(period, start, _interpolated(seconds, signals, np.clip(grid, seconds[0], seconds[-1])), stray)
-    number = _sample_numbers((seconds - start) / period)
+    is_counted = _counted_period(seconds) > 0.0
+    number = np.arange(float(len(seconds))) if is_counted else _sample_numbers((seconds - start) / period)
     if np.any(np.diff(number) < 1.0):
         return stamped
     even = _interpolated(number, signals, np.arange(number[-1] + 1.0))
@@ -387,14 +432,19 @@ def _is_surely_smoother(position: Floats, other: Floats) -> bool:
     """Return whether third differences of a position are surely smaller than those of another reading of it.
 
     Those of a smooth motion are small, and what wrong times add to a motion is not smooth. Their rms is compared in
-    blocks of time. The standard error of the decrease follows from its scatter, so that no single block decides.
+    blocks of time. The standard error of the decrease follows from its scatter, so that no single block decides. Where
+    two stamps nearly agree, a cubic through them makes a few blocks so rough that the scatter hides all others: then
+    the number of smoother blocks decides.
     """
     count = min(len(position), len(other)) - 3
     blocks = np.arange(0, count, _BLOCK)
     ours, theirs = (
         np.sqrt(np.add.reduceat(np.square(np.diff(values, 3)[:count]), blocks)) for values in (position, other)
     )
-    return bool(np.sum(theirs - ours) > MIN_Z_SCORE * float(np.linalg.norm(theirs - ours)))
+    decrease = theirs - ours
+    return any(
+        float(np.sum(values)) > MIN_Z_SCORE * float(np.linalg.norm(values)) for values in (decrease, np.sign(decrease))
+    )
 
 
 def _notes_on_stamps(name: str, readings: Sequence[_Reading]) -> list[str]:
