@@ -10,20 +10,25 @@ import numpy as np
 from scipy import signal
 
 from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
-from sgms_observer.arrays import Floats
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.source import TopicSurvey
 from sgms_observer.errors import DataError
 from sgms_observer.offline.encoder import encoder_step
-from sgms_observer.offline.recording import Recordings, join_samples, recordings_from_samples
+from sgms_observer.offline.jumps import MAX_PAUSE
+from sgms_observer.offline.recording import Recordings, join_samples, mean_period, recordings_from_samples
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import REVOLUTE
 
+MAX_LAG = 0.25
+"""Largest difference of the stamps of a position and its effort, in periods; ``observer.pairing`` has the same."""
+_MAX_PAIRED = 0.1  # share of the positions whose effort has their stamp by chance
 _GAP = 1.5  # periods; in a longer pause at least one sample is missing
 _SPEED_RATE_SHARE = 0.05
 """Corner of the low-pass before the peak speed, over the sample rate."""
 _MIN_REVERSAL = 0.02
 """Share of the range; a shorter travel back is no reversal."""
+_MIN_SLOWER = 1.5  # of the period of the efforts to that of the positions; half a sample more than jitter makes
 _REVERSAL_STEPS = 5.0  # encoder steps; a shorter travel back is no reversal
 
 
@@ -35,7 +40,8 @@ class AxisFacts:
         name: the axis.
         samples: positions with different stamps.
         duration: from the first to the last [s].
-        period: median time between two samples [s]; 0 if unknown.
+        period: mean time between two positions [s]; 0 if unknown.
+        effort_period: mean time between two samples that have an effort [s]; that of the positions if unknown.
         jitter: standard deviation of that time without gaps [s].
         gaps: pauses longer than one and a half periods.
         longest_gap: longest pause [s].
@@ -49,6 +55,7 @@ class AxisFacts:
         effort_range: smallest and largest effort [N or N m]; NaN where there is none.
         effort_rms: [N or N m].
         missing_efforts: share of the samples without an effort [-].
+        effort_fault: reason why efforts do not belong to positions; empty without one.
         has_reference: set-points are recorded.
         pieces: pieces between pauses that are long enough for a fit.
         balance: rough force balance, or None where it cannot be fitted.
@@ -60,6 +67,7 @@ class AxisFacts:
     samples: int
     duration: float
     period: float
+    effort_period: float
     jitter: float
     gaps: int
     longest_gap: float
@@ -73,6 +81,7 @@ class AxisFacts:
     effort_range: tuple[float, float]
     effort_rms: float
     missing_efforts: float
+    effort_fault: str
     has_reference: bool
     pieces: int
     balance: ForceBalance | None
@@ -83,6 +92,11 @@ class AxisFacts:
     def rate(self) -> float:
         """Samples per second [Hz]; 0 if unknown."""
         return 1.0 / self.period if self.period > 0.0 else 0.0
+
+    @property
+    def has_slow_effort(self) -> bool:
+        """Whether efforts come evenly, but at a lower rate than positions."""
+        return self.effort_period > _MIN_SLOWER * self.period > 0.0
 
     @property
     def stroke(self) -> float:
@@ -128,7 +142,9 @@ def read_axis_facts(
     survey: TopicSurvey,
     topics: Mapping[str, str],
     has_gravity: bool | None = None,
+    *,
     unit: str | None = None,
+    effort: TopicSurvey | None = None,
 ) -> AxisFacts:
     """Return the facts about one axis of a recording.
 
@@ -139,24 +155,24 @@ def read_axis_facts(
         topics: names of the input topics where they differ.
         has_gravity: fit gravity of a revolute axis; None fits it on a revolute joint.
         unit: of the position in notes; None takes that of the axis.
+        effort: survey of the topic that holds its effort, or None.
 
     Raises:
         RecordingError: the bag cannot be read or lacks a topic or the axis.
     """
     blocks = read_samples(bag, axis.name, scales=axis.scales, topics=topics, needs_effort=False)
     samples = join_samples(list(blocks))
-    position, effort = samples.position, samples.effort
+    position, given = samples.position, samples.effort
     stamps = survey.stamps_of(axis.name)
     pauses = np.diff(stamps) * 1e-9
     forward = pauses[pauses > 0.0]
     typical = float(np.median(forward)) if forward.size else 0.0
     whole = forward[forward <= _GAP * typical]
-    period = float(np.mean(whole)) if whole.size else 0.0
-    finite, driven = position[np.isfinite(position)], effort[np.isfinite(effort)]
+    period = mean_period(forward[forward <= MAX_PAUSE * typical], typical) if forward.size else 0.0
+    finite, driven = position[np.isfinite(position)], given[np.isfinite(given)]
     fault, recordings = "", Recordings(())
     try:
         recordings = recordings_from_samples(samples, Path(bag).name, unit=unit or axis.units.position)
-        period = recordings[0].period
     except DataError as error:
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
@@ -167,6 +183,7 @@ def read_axis_facts(
         samples=len(position),
         duration=float(np.ptp(stamps)) * 1e-9 if stamps.size else 0.0,
         period=period,
+        effort_period=recordings[0].period if recordings else period,
         jitter=float(np.std(whole)) if whole.size else 0.0,
         gaps=int(np.count_nonzero(forward > _GAP * typical)),
         longest_gap=float(forward.max()) if forward.size else 0.0,
@@ -179,12 +196,38 @@ def read_axis_facts(
         reversals=sum(count_reversals(piece.position, _REVERSAL_STEPS * step) for piece in recordings),
         effort_range=_range(driven),
         effort_rms=_rms(driven),
-        missing_efforts=1.0 - driven.size / max(len(effort), 1),
+        missing_efforts=1.0 - driven.size / max(len(given), 1),
+        effort_fault=_reason_against_pairing(axis.name, stamps, period, effort),
         has_reference=bool(np.any(np.isfinite(samples.reference_position))),
         pieces=len(recordings),
         balance=fit_force_balance(recordings, axis, gravity) if recordings else None,
         notes=recordings.notes,
         fault=fault,
+    )
+
+
+def _reason_against_pairing(name: str, stamps: Ints, period: float, effort: TopicSurvey | None) -> str:
+    """Return why the efforts of a topic do not belong to positions with these stamps; empty if they do."""
+    if effort is None or not len(stamps):
+        return ""
+    if name not in effort.joints:
+        joints = ", ".join(effort.joints) or "no joint"
+        return f"{effort.name} holds {joints}, not {name}: give the joint one name in both topics"
+    if not effort.filled[name][2]:
+        return f"{effort.name} holds no number as the effort of {name}: record the effort that the actuator applies"
+    given = np.sort(effort.stamps_of(name))
+    after = np.clip(np.searchsorted(given, stamps), 1, max(len(given) - 1, 1))
+    if len(given) < 2:
+        return ""
+    late, early = (given[after] - stamps) * 1e-9, (given[after - 1] - stamps) * 1e-9
+    lags = np.where(np.abs(late) < np.abs(early), late, early)
+    lag = float(np.median(lags))
+    if np.mean(np.abs(lags) <= MAX_LAG * period) > _MAX_PAIRED or abs(lag) > period:
+        return ""
+    side = "after" if lag > 0.0 else "before"
+    return (
+        f"{effort.name} is stamped {1e3 * abs(lag):.3g} ms {side} the position, more than a quarter of the sample"
+        " period: stamp both with the time of the sample"
     )
 
 

@@ -75,6 +75,8 @@ def without_jumps(samples: Samples, name: str, unit: str) -> Continuous:
     """
     given = np.flatnonzero(np.isfinite(samples.position))
     given = given[later_stamps(samples.stamp_ns[given])]
+    if len(given) < _MIN_CHANGES:
+        return Continuous(samples, np.empty(0, dtype=np.int64), ())
     stamp, position = samples.stamp_ns[given], samples.position[given]
     unwrapped, period, wraps = _unwrapped(position, stamp)
     if not wraps and len(find_jumps(position, stamp)) == 0:

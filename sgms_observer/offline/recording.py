@@ -338,13 +338,14 @@ def _spectral_period(seconds: Floats) -> float:
     Stamps that stray are coherent over a few samples within a wide band of rates, and over many within a narrow one, so
     that the rate is refined with growing blocks.
     """
-    slowest, length = float(np.mean(np.diff(seconds))), _COHERENT
+    slowest, shortest = float(np.mean(np.diff(seconds))), min(_COHERENT, len(seconds))
+    length = shortest
     rates = np.arange(_RATE_TOLERANCE, _MAX_RATE_RATIO, 0.25 / length) / slowest
     while True:
         blocks = seconds[: len(seconds) // length * length].reshape(-1, length)
         power = [float(np.mean(np.abs(np.mean(np.exp(-2.0j * np.pi * rate * blocks), axis=1)) ** 2)) for rate in rates]
         best = float(rates[int(np.argmax(power))])
-        if length == _COHERENT and max(power) < _MIN_POWER / length:
+        if length == shortest and max(power) < _MIN_POWER / length:
             return 0.0
         if length * 8 > len(seconds):
             return 1.0 / best
