@@ -177,7 +177,9 @@ def read_axis_facts(
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
     step = recordings[0].encoder_step if recordings else encoder_step(finite)
-    positions = np.concatenate([piece.position for piece in recordings]) if recordings else finite
+    pieces = [piece.position for piece in recordings] or [finite]
+    positions = np.concatenate(pieces)
+    travel = max(_REVERSAL_STEPS * step, _MIN_REVERSAL * float(np.ptp(positions))) if len(positions) else 0.0
     return AxisFacts(
         name=axis.name,
         samples=len(position),
@@ -193,7 +195,7 @@ def read_axis_facts(
         encoder_step=step,
         position_noise=max((piece.position_noise for piece in recordings), default=0.0),
         peak_speed=max((_peak_speed(piece.position, piece.period) for piece in recordings), default=float("nan")),
-        reversals=sum(count_reversals(piece.position, _REVERSAL_STEPS * step) for piece in recordings),
+        reversals=sum(count_reversals(piece, travel) for piece in pieces),
         effort_range=_range(driven),
         effort_rms=_rms(driven),
         missing_efforts=1.0 - driven.size / max(len(given), 1),

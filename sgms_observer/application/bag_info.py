@@ -21,7 +21,7 @@ MIN_REVERSALS = 2
 MIN_REVERSALS_TO_DIAGNOSE = 4
 """A diagnosis fits to some blocks and evaluates on others, and each needs a motion in both directions."""
 MAX_UNEXPLAINED = 0.9
-"""Largest unexplained share of the effort; above it the effort does not belong to the motion."""
+"""Largest unexplained share of the effort about its mean; above it the effort does not belong to the motion."""
 MAX_MISSING = 0.5
 """Largest share of samples without effort."""
 _STAMP_UNIT = 1.0e-9  # s, unit of a message's stamp; a smaller jitter is rounding

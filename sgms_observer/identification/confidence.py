@@ -56,6 +56,8 @@ def _long_run_covariance(pieces: Sequence[Floats]) -> Floats:
     width = pieces[0].shape[1]
     score_covariance = np.zeros((width, width))
     for scores in pieces:
+        if not len(scores):  # a piece that is shorter than the filters take to settle
+            continue
         centred = scores - scores.mean(axis=0)
         score_covariance += centred.T @ centred
         lags = _correlation_bandwidth(_unit_columns(centred))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from scipy.io import loadmat
 
 from sgms_observer.errors import DataError
+from sgms_observer.identification.confidence import least_squares_covariance
 from sgms_observer.identification.least_squares import ASYMMETRIC, fit_inverse_model, regression
 from sgms_observer.offline.recording import Recording
 
@@ -72,3 +74,13 @@ def test_one_way_motion_is_refused_with_a_sentence() -> None:
     still = Recording("still", period, position, np.ones(10_000), np.full(10_000, np.nan))
     with pytest.raises(DataError, match=r"apart|never excite"):
         fit_inverse_model([still])
+
+
+def test_a_piece_without_rows_has_no_scores() -> None:
+    """A piece that is shorter than the filters take to settle leaves none; numpy warned of means of nothing."""
+    rng = np.random.default_rng(3)
+    jacobian, residual = rng.normal(size=(300, 2)), rng.normal(size=300)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        covariance = least_squares_covariance([jacobian, jacobian[:0]], [residual, residual[:0]])
+    assert np.array_equal(covariance, least_squares_covariance([jacobian], [residual]))
