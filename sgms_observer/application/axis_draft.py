@@ -187,7 +187,6 @@ def _with_balance(draft: AxisDraft, facts: AxisFacts, balance: ForceBalance) -> 
     units = Units(draft.joint_type)
     remarks, warnings = dict(draft.remarks), []
     values: dict[str, float] = {}
-    residual = balance.unexplained * facts.effort_rms
     sources = (
         ("mass", "mass", units.mass),
         ("coulomb", "coulomb_force", units.effort),
@@ -222,7 +221,7 @@ def _with_balance(draft: AxisDraft, facts: AxisFacts, balance: ForceBalance) -> 
         static=static,
         viscous=values.get("viscous", 0.0),
         effects=effects,
-        residual=max(residual, 1e-9),
+        residual=max(balance.residual, 1e-9),
         remarks=remarks,
         warnings=tuple(warnings),
     )

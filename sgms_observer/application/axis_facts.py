@@ -12,20 +12,31 @@ from scipy import signal
 from sgms_observer.application.effort_cut_off import cut_off_sentences
 from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
 from sgms_observer.application.gravity_unit import GravityUnit, gravity_unit
-from sgms_observer.arrays import Floats
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.source import TopicSurvey
 from sgms_observer.errors import DataError
 from sgms_observer.offline.encoder import encoder_step
-from sgms_observer.offline.recording import Recordings, at_rate_of_changes, join_samples, recordings_from_samples
+from sgms_observer.offline.jumps import MAX_PAUSE
+from sgms_observer.offline.recording import (
+    Recordings,
+    at_rate_of_changes,
+    join_samples,
+    mean_period,
+    recordings_from_samples,
+)
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import REVOLUTE
 
+MAX_LAG = 0.25
+"""Largest difference of the stamps of a position and its effort, in periods; ``observer.pairing`` has the same."""
+_MAX_PAIRED = 0.1  # share of the positions whose effort has their stamp by chance
 _GAP = 1.5  # periods; in a longer pause at least one sample is missing
 _SPEED_RATE_SHARE = 0.05
 """Corner of the low-pass before the peak speed, over the sample rate."""
 _MIN_REVERSAL = 0.02
 """Share of the range; a shorter travel back is no reversal."""
+_MIN_SLOWER = 1.5  # of the period of the efforts to that of the positions; half a sample more than jitter makes
 _REVERSAL_STEPS = 5.0  # encoder steps; a shorter travel back is no reversal
 
 
@@ -37,13 +48,14 @@ class AxisFacts:
         name: the axis.
         samples: positions with different stamps.
         duration: from the first to the last [s].
-        period: median time between two samples [s]; 0 if unknown.
+        period: mean time between two positions [s]; 0 if unknown.
+        effort_period: mean time between two samples that have an effort [s]; that of the positions if unknown.
         jitter: standard deviation of that time without gaps [s].
         gaps: pauses longer than one and a half periods.
         longest_gap: longest pause [s].
         duplicate_stamps: messages with the stamp of the one before.
         backward_stamps: messages with an earlier stamp than the one before.
-        position_range: smallest and largest position [m or rad].
+        position_range: smallest and largest position, unwrapped where an angle wraps [m or rad].
         encoder_step: step of the grid of the positions [m or rad]; 0 where there is none.
         position_noise: white noise and steps of the position, standard deviation [m or rad].
         peak_speed: largest speed, low-passed [m/s or rad/s].
@@ -51,6 +63,7 @@ class AxisFacts:
         effort_range: smallest and largest effort [N or N m]; NaN where there is none.
         effort_rms: [N or N m].
         missing_efforts: share of the samples without an effort [-].
+        effort_fault: reason why efforts do not belong to positions; empty without one.
         has_reference: set-points are recorded.
         pieces: pieces between pauses that are long enough for a fit.
         balance: rough force balance, or None where it cannot be fitted.
@@ -65,6 +78,7 @@ class AxisFacts:
     samples: int
     duration: float
     period: float
+    effort_period: float
     jitter: float
     gaps: int
     longest_gap: float
@@ -78,6 +92,7 @@ class AxisFacts:
     effort_range: tuple[float, float]
     effort_rms: float
     missing_efforts: float
+    effort_fault: str
     has_reference: bool
     pieces: int
     balance: ForceBalance | None
@@ -91,6 +106,11 @@ class AxisFacts:
     def rate(self) -> float:
         """Samples per second [Hz]; 0 if unknown."""
         return 1.0 / self.period if self.period > 0.0 else 0.0
+
+    @property
+    def has_slow_effort(self) -> bool:
+        """Whether efforts come evenly, but at a lower rate than positions."""
+        return self.effort_period > _MIN_SLOWER * self.period > 0.0
 
     @property
     def stroke(self) -> float:
@@ -131,7 +151,14 @@ class AxisFacts:
 
 
 def read_axis_facts(
-    bag: str | Path, axis: AxisSettings, survey: TopicSurvey, topics: Mapping[str, str], has_gravity: bool | None = None
+    bag: str | Path,
+    axis: AxisSettings,
+    survey: TopicSurvey,
+    topics: Mapping[str, str],
+    has_gravity: bool | None = None,
+    *,
+    unit: str | None = None,
+    effort: TopicSurvey | None = None,
 ) -> AxisFacts:
     """Return the facts about one axis of a recording.
 
@@ -141,48 +168,55 @@ def read_axis_facts(
         survey: of the topic that holds its position.
         topics: names of the input topics where they differ.
         has_gravity: fit gravity of a revolute axis; None fits it on a revolute joint.
+        unit: of the position in notes; None takes that of the axis.
+        effort: survey of the topic that holds its effort, or None.
 
     Raises:
         RecordingError: the bag cannot be read or lacks a topic or the axis.
     """
     blocks = read_samples(bag, axis.name, scales=axis.scales, topics=topics, needs_effort=False)
     samples = join_samples(list(blocks))
-    position, effort = samples.position, samples.effort
+    position, given = samples.position, samples.effort
     stamps = survey.stamps_of(axis.name)
     pauses = np.diff(stamps) * 1e-9
     forward = pauses[pauses > 0.0]
     typical = float(np.median(forward)) if forward.size else 0.0
     whole = forward[forward <= _GAP * typical]
-    period = float(np.mean(whole)) if whole.size else 0.0
-    finite, driven = position[np.isfinite(position)], effort[np.isfinite(effort)]
-    fault, recordings = "", Recordings(())
+    period = mean_period(forward[forward <= MAX_PAUSE * typical], typical) if forward.size else 0.0
+    finite, driven = position[np.isfinite(position)], given[np.isfinite(given)]
+    fault, recordings, effort_period = "", Recordings(()), period
     try:
-        recordings = recordings_from_samples(samples, Path(bag).name)
-        period = recordings[0].period
+        recordings = recordings_from_samples(samples, Path(bag).name, unit=unit or axis.units.position)
+        effort_period = recordings[0].period
         recordings = at_rate_of_changes(recordings)
     except DataError as error:
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
     balance = fit_force_balance(recordings, axis, gravity) if recordings else None
     step = recordings[0].encoder_step if recordings else encoder_step(finite)
+    pieces = [piece.position for piece in recordings] or [finite]
+    positions = np.concatenate(pieces)
+    travel = max(_REVERSAL_STEPS * step, _MIN_REVERSAL * float(np.ptp(positions))) if len(positions) else 0.0
     return AxisFacts(
         name=axis.name,
         samples=len(position),
         duration=float(np.ptp(stamps)) * 1e-9 if stamps.size else 0.0,
         period=period,
+        effort_period=effort_period,
         jitter=float(np.std(whole)) if whole.size else 0.0,
         gaps=int(np.count_nonzero(forward > _GAP * typical)),
         longest_gap=float(forward.max()) if forward.size else 0.0,
         duplicate_stamps=int(np.count_nonzero(pauses == 0.0)),
         backward_stamps=int(np.count_nonzero(pauses < 0.0)),
-        position_range=_range(finite),
+        position_range=_range(positions),
         encoder_step=step,
         position_noise=max((piece.position_noise for piece in recordings), default=0.0),
         peak_speed=max((_peak_speed(piece.position, piece.period) for piece in recordings), default=float("nan")),
-        reversals=sum(count_reversals(piece.position, _REVERSAL_STEPS * step) for piece in recordings),
+        reversals=sum(count_reversals(piece, travel) for piece in pieces),
         effort_range=_range(driven),
         effort_rms=_rms(driven),
-        missing_efforts=1.0 - driven.size / max(len(effort), 1),
+        missing_efforts=1.0 - driven.size / max(len(given), 1),
+        effort_fault=_reason_against_pairing(axis.name, stamps, period, effort),
         has_reference=bool(np.any(np.isfinite(samples.reference_position))),
         pieces=len(recordings),
         balance=balance,
@@ -191,6 +225,31 @@ def read_axis_facts(
         piece_durations=tuple(piece.duration for piece in recordings),
         cut_off=next(iter(cut_off_sentences(recordings)), ""),
         gravity=gravity_unit(recordings, balance) if balance is not None else None,
+    )
+
+
+def _reason_against_pairing(name: str, stamps: Ints, period: float, effort: TopicSurvey | None) -> str:
+    """Return why the efforts of a topic do not belong to positions with these stamps; empty if they do."""
+    if effort is None or not len(stamps):
+        return ""
+    if name not in effort.joints:
+        joints = ", ".join(effort.joints) or "no joint"
+        return f"{effort.name} holds {joints}, not {name}: give the joint one name in both topics"
+    if not effort.filled[name][2]:
+        return f"{effort.name} holds no number as the effort of {name}: record the effort that the actuator applies"
+    given = np.sort(effort.stamps_of(name))
+    after = np.clip(np.searchsorted(given, stamps), 1, max(len(given) - 1, 1))
+    if len(given) < 2:
+        return ""
+    late, early = (given[after] - stamps) * 1e-9, (given[after - 1] - stamps) * 1e-9
+    lags = np.where(np.abs(late) < np.abs(early), late, early)
+    lag = float(np.median(lags))
+    if np.mean(np.abs(lags) <= MAX_LAG * period) > _MAX_PAIRED or abs(lag) > period:
+        return ""
+    side = "after" if lag > 0.0 else "before"
+    return (
+        f"{effort.name} is stamped {1e3 * abs(lag):.3g} ms {side} the position, more than a quarter of the sample"
+        " period: stamp both with the time of the sample"
     )
 
 

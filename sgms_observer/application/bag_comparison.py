@@ -59,7 +59,8 @@ def compare(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[s
                 faults.append(str(missing_topic(reader, topics.get(key, key), key)))
     if inputs["position"] is None:
         return Comparison(tuple(faults), warnings, ())
-    position = next(survey for survey in surveys if survey.name == inputs["position"])
+    by_name = {survey.name: survey for survey in surveys}
+    position, effort = by_name[inputs["position"]], by_name.get(inputs["control_effort"] or "")
     found = list(warnings)
     for axis in (axis for axis in settings.axes if axis.name in axes):
         if axis.name not in position.joints:
@@ -67,13 +68,14 @@ def compare(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[s
             faults.append(f"{position.name} of {bag} holds {held}, not {axis.name}; name the axis as the bag does")
             continue
         try:
-            facts = read_axis_facts(bag, axis, position, topics)
+            facts = read_axis_facts(bag, axis, position, topics, effort=effort)
         except RecordingError as error:
             faults.append(str(error))
             continue
         faults += _faults(axis, facts, settings.sample_period)
         found += losses_in(facts)
-        found += [f"{axis.name}: not for {use.purpose}: {use.reason}" for use in uses_of(facts) if not use.is_possible]
+        reasons = [(use.purpose, use.reason) for use in uses_of(facts) if use.reason not in ("", facts.effort_fault)]
+        found += [f"{axis.name}: not for {purpose}: {reason}" for purpose, reason in reasons]
         found += [f"{axis.name}: {note}" for note in facts.notes]
     strange = [joint for joint in position.joints if joint not in {axis.name for axis in settings.axes}]
     if strange:
@@ -84,6 +86,8 @@ def compare(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[s
 def _faults(axis: AxisSettings, facts: AxisFacts, period: float) -> Iterator[str]:
     """Yield a sentence for each thing that does not fit."""
     yield from _timing(axis, facts, period)
+    if facts.effort_fault:
+        yield f"{axis.name}: {facts.effort_fault}"
     yield from unit_doubts(facts, axis.joint_type)
     if facts.balance is not None and facts.balance.sign < 0:
         yield (

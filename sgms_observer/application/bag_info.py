@@ -23,7 +23,7 @@ MIN_REVERSALS = 2
 MIN_REVERSALS_TO_DIAGNOSE = 4
 """A diagnosis fits to some blocks and evaluates on others, and each needs a motion in both directions."""
 MAX_UNEXPLAINED = 0.9
-"""Largest unexplained share of the effort; above it the effort does not belong to the motion."""
+"""Largest unexplained share of the effort about its mean; above it the effort does not belong to the motion."""
 MAX_MISSING = 0.5
 """Largest share of samples without effort."""
 _ENOUGH_TO_DIAGNOSE = 30.0
@@ -67,8 +67,7 @@ def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
             f"the longest piece without a pause lasts {max(facts.piece_durations):.3g} s, and {MIN_DURATION:g} s are"
             " needed: record 30 s or more"
         )
-    replay = "" if facts.missing_efforts < 1.0 else "no sample has an effort: record control_effort"
-    reasons = {"identify": identify, "diagnose": diagnose, "replay": replay}
+    reasons = {"identify": identify, "diagnose": diagnose, "replay": _reason_against_replay(facts)}
     return tuple(Use(purpose, not reason, reason) for purpose, reason in reasons.items())
 
 
@@ -153,7 +152,9 @@ def losses_in(facts: AxisFacts) -> tuple[str, ...]:
 def _reason_against_identification(facts: AxisFacts) -> str:
     """Return the reason why an identification would fail; empty without one."""
     balance = facts.balance
-    if facts.missing_efforts > MAX_MISSING:
+    if facts.missing_efforts > MAX_MISSING and not facts.has_slow_effort:
+        if facts.effort_fault:
+            return facts.effort_fault
         return (
             f"{100.0 * facts.missing_efforts:.3g} % of the samples have no effort: record control_effort at the rate of"
             " position"
@@ -185,6 +186,20 @@ def _reason_against_identification(facts: AxisFacts) -> str:
         return (
             f"mass and friction leave {100.0 * balance.unexplained:.3g} % of the effort unexplained below"
             f" {balance.corner:.3g} Hz: check that effort and position belong to the same axis, and their units"
+        )
+    return ""
+
+
+def _reason_against_replay(facts: AxisFacts) -> str:
+    """Return the reason why the observer would estimate nothing; empty without one."""
+    if not facts.missing_efforts < 1.0:
+        if facts.effort_fault:
+            return facts.effort_fault
+        return "no sample has an effort: record control_effort"
+    if facts.has_slow_effort:
+        return (
+            f"control_effort comes at {1.0 / facts.effort_period:.6g} Hz and position at {facts.rate:.6g} Hz, so the"
+            " observer makes no correction: record both at one rate"
         )
     return ""
 
@@ -318,14 +333,17 @@ def inspect_bag(
     found = []
     for name in axes or joints:
         axis = AxisSettings(name=name, joint_type=joint_type or PRISMATIC)
-        gravity = None if joint_type else True
-        facts = read_axis_facts(bag, axis, position, topics, gravity)
+        gravity, unit = (None, None) if joint_type else (True, "m or rad")
+        effort = next((survey for survey in surveys if survey.name == inputs["control_effort"]), None)
+        facts = read_axis_facts(bag, axis, position, topics, gravity, unit=unit, effort=effort)
         found.append(AxisInfo(facts, uses_of(facts), doubts_about(facts, joint_type) + losses_in(facts)))
     return BagInfo(str(bag), surveys, inputs, tuple(found), tuple(sentences), joint_type)
 
 
-def find_position_topic(bag: str | Path, surveys: Sequence[TopicSurvey], topics: Mapping[str, str]) -> TopicSurvey:
-    """Return the topic that holds the positions.
+def find_input_topics(
+    bag: str | Path, surveys: Sequence[TopicSurvey], topics: Mapping[str, str]
+) -> tuple[TopicSurvey, TopicSurvey | None]:
+    """Return the topic that holds the positions and the one that holds the efforts, or None.
 
     Args:
         bag: the recording.
@@ -340,7 +358,8 @@ def find_position_topic(bag: str | Path, surveys: Sequence[TopicSurvey], topics:
         name = inputs["position"]
         if name is None:
             raise missing_topic(reader, topics.get("position", "position"), "position")
-    return next(survey for survey in surveys if survey.name == name)
+    by_name = {survey.name: survey for survey in surveys}
+    return by_name[name], by_name.get(inputs["control_effort"] or "")
 
 
 def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
@@ -355,9 +374,10 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
     step = f"encoder step {text(facts.encoder_step, 'm')}" if facts.encoder_step else "no encoder step found"
     speed = f", up to {text(facts.peak_speed, 'm/s')}" if math.isfinite(facts.peak_speed) else ""
     jitter = 1e6 * facts.jitter if facts.jitter >= _STAMP_UNIT else 0.0
+    with_effort = f" (with an effort {1.0 / facts.effort_period:.6g} Hz)" if facts.has_slow_effort else ""
     lines = [
-        f"axis {facts.name}: {facts.samples} samples, {facts.duration:.6g} s at {facts.rate:.6g} Hz, jitter"
-        f" {jitter:.3g} us, {facts.gaps} gaps, {facts.duplicate_stamps} duplicate stamps",
+        f"axis {facts.name}: {facts.samples} samples, {facts.duration:.6g} s at {facts.rate:.6g} Hz{with_effort},"
+        f" jitter {jitter:.3g} us, {facts.gaps} gaps, {facts.duplicate_stamps} duplicate stamps",
         f"  position {text(low, 'm')} to {text(high, 'm')}, {step}{speed}, {facts.reversals} reversals",
     ]
     if facts.missing_efforts < 1.0:

@@ -26,7 +26,7 @@ from sgms_observer.settings.axis import AxisSettings
 MIN_Z_SCORE = 3.0
 """Smallest z-score of a value whose sign is used."""
 _MAX_UNEXPLAINED = 0.9
-"""Largest unexplained share of the effort for which its sign is used."""
+"""Largest unexplained share of the effort about its mean for which its sign is used."""
 _MAX_CORNER = 20.0
 """Highest corner [Hz]: friction and mass of a moving axis act below it, resonances above."""
 _ROWS_PER_CORNER = 4.0  # rows per second over the corner frequency
@@ -53,7 +53,8 @@ class ForceBalance:
         names: fitted values: mass, viscous_coefficient, coulomb_force, offset, and gravity_sin, gravity_cos.
         values: SI units, shape (k,).
         covariance: squared SI units, shape (k, k).
-        unexplained: rms residual over rms effort [-].
+        unexplained: rms residual over rms effort about its mean [-]: a constant load explains nothing.
+        residual: rms of the effort that is unexplained [N or N m].
         dissipation: mean power that viscous and Coulomb friction dissipate [W].
         dissipation_error: its standard error [W].
         slip_deflection: travel after a reversal over which half the friction reverses [m or rad]; 0 where none is
@@ -67,6 +68,7 @@ class ForceBalance:
     values: Floats
     covariance: Floats
     unexplained: float
+    residual: float
     dissipation: float
     dissipation_error: float
     slip_deflection: float
@@ -143,7 +145,8 @@ def fit_force_balance(recordings: Sequence[Recording], axis: AxisSettings, has_g
     changes = [values[2] * (one.columns(nearby)[:, 2] - part[:, 2]) for one, part in zip(low, columns, strict=True)]
     with_deflection = [np.column_stack([part, change]) for part, change in zip(columns, changes, strict=True)]
     covariance = least_squares_covariance(with_deflection, residuals)[:width, :width]
-    unexplained = float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(effort))
+    variation = float(np.linalg.norm(effort - np.mean(effort)))
+    unexplained = float(np.linalg.norm(np.concatenate(residuals))) / variation if variation > 0.0 else 1.0
     matrix = np.concatenate(columns)
     velocity = matrix[:, 1]
     weights = np.zeros(width)
@@ -152,8 +155,10 @@ def fit_force_balance(recordings: Sequence[Recording], axis: AxisSettings, has_g
     variance = float(weights[is_observable] @ covariance[np.ix_(is_observable, is_observable)] @ weights[is_observable])
     error = math.sqrt(max(variance, 0.0)) if np.all(is_observable[1:3]) else math.inf
     with_stiffness = [np.column_stack([part, one.position]) for one, part in zip(low, columns, strict=True)]
-    return ForceBalance(corner, names, values, covariance, unexplained, float(weights @ values), error, deflection,
-                        values[0] < 0.0 and _is_mass_negative(with_stiffness, [one.effort for one in low]))  # fmt: skip
+    residual = float(np.sqrt(np.mean(np.square(np.concatenate(residuals)))))
+    is_negative = bool(values[0] < 0.0 and _is_mass_negative(with_stiffness, [one.effort for one in low]))
+    return ForceBalance(corner, names, values, covariance, unexplained, residual, float(weights @ values), error,
+                        deflection, is_negative)  # fmt: skip
 
 
 def _slip_deflection(low: Sequence[_LowPassed], width: int, effort: Floats) -> tuple[float, Floats | None]:

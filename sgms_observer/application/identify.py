@@ -19,7 +19,13 @@ from sgms_observer.identification.identify import Identification, IdentifyOption
 from sgms_observer.identification.least_squares import fit_inverse_model, is_reversed
 from sgms_observer.identification.report import IdentifiedAxis, identification_page, report_path
 from sgms_observer.identification.table import Row
-from sgms_observer.identification.trace import Traces, least_squares_traces, traces_of, unexplained_share
+from sgms_observer.identification.trace import (
+    Traces,
+    least_squares_traces,
+    traces_of,
+    unexplained_share,
+    unexplained_variation,
+)
 from sgms_observer.observer.all_axes import COUPLING
 from sgms_observer.offline.band import choose_band, refuse_cutoff
 from sgms_observer.offline.recording import Recordings, read_recordings
@@ -176,6 +182,7 @@ def _identified(
     """Identify one axis with the chosen model."""
     notes = (*pieces.notes, *unseen.notes)
     unexplained: float | None = None
+    variation: float | None = None
     is_converged: bool | None = None
     if job.model == INVERSE_MODEL:
         cutoff = job.cutoff or min(HIGHEST_LEAST_SQUARES_CUTOFF, choose_band(pieces, axis).corner)
@@ -186,6 +193,7 @@ def _identified(
         answer = identification_answer(result, axis, sample_period)
         traces = traces_of(result, axis, pieces, unseen)
         cutoff, unexplained, is_converged = result.cutoff, result.unexplained, result.is_converged
+        variation = result.unexplained_variation
     cut_off = [f"{axis.name}: {sentence}" for sentence in cut_off_sentences(pieces)]
     warnings = [f"Warning: {sentence}" for sentence in (*cut_off, *_gravity_warnings(pieces, axis))]
     answer = replace(answer, warnings=(*answer.warnings, *warnings))
@@ -193,8 +201,9 @@ def _identified(
         held_out = unexplained_share(traces.held_out)
         word = axis.units.effort_word
         sentence = f"{axis.name}: {100.0 * held_out:.2f} % of the rms {word} unexplained on held-out bags"
-        answer = judged_on_held_out(replace(answer, summary=(*answer.summary, sentence)), axis, held_out)
-    return IdentifiedAxis(axis.name, axis.units, answer, traces, cutoff, unexplained, is_converged, notes)
+        answer = replace(answer, summary=(*answer.summary, sentence))
+        answer = judged_on_held_out(answer, axis, unexplained_variation(traces.held_out))
+    return IdentifiedAxis(axis.name, axis.units, answer, traces, cutoff, unexplained, variation, is_converged, notes)
 
 
 def _gravity_warnings(pieces: Recordings, axis: AxisSettings) -> list[str]:

@@ -13,7 +13,7 @@ import yaml
 
 from sgms_observer.application.axis_draft import FRACTIONS, AxisDraft, recorded_draft, template_draft
 from sgms_observer.application.axis_facts import read_axis_facts
-from sgms_observer.application.bag_info import doubts_about, find_position_topic, losses_in
+from sgms_observer.application.bag_info import doubts_about, find_input_topics, losses_in
 from sgms_observer.bags.source import survey_bag
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.late_stamps import is_surely_not_held
@@ -310,7 +310,7 @@ def _from_bag(
 ) -> tuple[list[AxisDraft], list[str]]:
     """Return first values of the axes of a bag, and the warnings."""
     surveys, warnings = survey_bag(bag)
-    position = find_position_topic(bag, surveys, topics)
+    position, effort = find_input_topics(bag, surveys, topics)
     joints = axes or [joint for joint in position.joints if position.filled[joint][0]]
     strange = [name for name in joints if name not in position.joints]
     if strange or not joints:
@@ -320,16 +320,17 @@ def _from_bag(
     for name in joints:
         axis = AxisSettings(name=name, joint_type=options.joint_type, position_scale=options.position_scale,
                             effort_scale=options.effort_scale)  # fmt: skip
-        facts = read_axis_facts(bag, axis, position, topics)
+        facts = read_axis_facts(bag, axis, position, topics, effort=effort)
         if facts.balance is not None and facts.balance.sign < 0:
             axis = replace(axis, effort_scale=-axis.effort_scale)
             found.append(
                 f"{name}: the sign of control_effort is reversed relative to position; the file has effort_scale:"
                 f" {axis.effort_scale:g}"
             )
-            facts = read_axis_facts(bag, axis, position, topics)
+            facts = read_axis_facts(bag, axis, position, topics, effort=effort)
         draft = recorded_draft(facts, axis.joint_type, axis.position_scale, axis.effort_scale)
-        found += [*doubts_about(facts, axis.joint_type), *losses_in(facts), *draft.warnings]
+        notes = [f"{name}: {note}" for note in facts.notes]
+        found += [*doubts_about(facts, axis.joint_type), *losses_in(facts), *notes, *draft.warnings]
         drafts.append(draft)
     shortest = min(draft.period for draft in drafts)
     return [replace(draft, period=shortest) for draft in drafts], found

@@ -42,6 +42,11 @@ class Replayed:
     views: tuple[AxisView, ...]
     settings: Settings
 
+    @property
+    def is_usable(self) -> bool:
+        """Return whether the observer of every axis made a correction; without one nothing was estimated."""
+        return all(tally.corrections for tally in self.tallies.values())
+
     def as_json(self, bag: str, report: str | None) -> dict[str, object]:
         """Return the result that ``--json`` prints: the new bag, and the page if there is one."""
         axes = {name: tally.figures() for name, tally in self.tallies.items()}
@@ -126,7 +131,14 @@ def replay_bag(
                 latest = max(int(estimate.stamp_ns[-1]) for estimate in estimates.values())
                 show((latest - first) / max(1, last - first))
     messages = sum(written.counts.values())
-    return Replayed(tallies, tuple(source.warnings), messages, (last - first) * 1e-9, views, settings)
+    warnings = list(source.warnings)
+    for name, tally in tallies.items():
+        if not tally.corrections:
+            warnings.append(
+                f"{name}: the observer made no correction, because no window of its filter has a control_effort at"
+                " every position; record both topics at one rate and with the same stamps"
+            )
+    return Replayed(tallies, tuple(warnings), messages, (last - first) * 1e-9, views, settings)
 
 
 def write_report(done: Replayed, bag: str, config: str, out: str) -> str:
@@ -243,13 +255,14 @@ class Tally:
         unit: of the axis's effort.
 
     Attributes:
+        corrections: number of corrections.
         statuses: number of samples in each status.
     """
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
+        self.corrections = 0
         self._samples = 0
-        self._corrections = 0
         self._squares = 0.0
         self._nis = 0.0
         self.statuses: dict[int, int] = {}
@@ -261,20 +274,23 @@ class Tally:
         is_corrected = np.isfinite(estimates.innovation)
         innovation = estimates.innovation[is_corrected]
         self._samples += len(is_corrected)
-        self._corrections += len(innovation)
+        self.corrections += len(innovation)
         self._squares += float(np.sum(innovation**2))
         self._nis += float(np.sum((innovation / estimates.innovation_std[is_corrected]) ** 2))
         for status, count in zip(*np.unique(estimates.status, return_counts=True), strict=True):
             self.statuses[int(status)] = self.statuses.get(int(status), 0) + int(count)
 
     def figures(self) -> dict[str, float]:
-        """Return samples, corrections, innovation (rms, in ``unit``), NIS and the samples of each bad status."""
+        """Return samples, corrections, innovation (rms, in ``unit``), NIS and the number of bad samples.
+
+        Innovation and NIS are NaN without a correction.
+        """
         from sgms_observer.status import Status
 
-        corrections = max(self._corrections, 1)
+        corrections = self.corrections or float("nan")
         return {
             "samples": self._samples,
-            "corrections": self._corrections,
+            "corrections": self.corrections,
             "innovation": (self._squares / corrections) ** 0.5,
             "nis": self._nis / corrections,
             "in_trouble": sum(
@@ -287,10 +303,9 @@ class Tally:
         from sgms_observer.status import Status
 
         figures = self.figures()
-        parts = [
-            f"{figures['samples']} samples, {figures['corrections']} corrections, innovation"
-            f" {figures['innovation']:.4g} {self.unit} rms, NIS {figures['nis']:.3g}"
-        ]
+        parts = [f"{figures['samples']} samples, {figures['corrections']} corrections"]
+        if self.corrections:
+            parts[0] += f", innovation {figures['innovation']:.4g} {self.unit} rms, NIS {figures['nis']:.3g}"
         for status in Status:
             if status not in (Status.RUNNING, Status.STARTING) and self.statuses.get(status):
                 parts.append(f"{self.statuses[status]} samples: {status.sentence}")

@@ -15,7 +15,7 @@ from sgms_observer.cli.options import (
 )
 from sgms_observer.cli.warn import warn
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.outcome import Outcome
+from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 HELP = "run the observer over a recorded bag and write its estimates into another; deterministic"
 
@@ -62,4 +62,4 @@ def run(args: argparse.Namespace) -> Outcome:
     report = None if args.no_report else write_report(done, args.bags[0], args.config, args.out)
     if report:
         print(f"wrote {report}")
-    return Outcome(result=done.as_json(args.out, report))
+    return Outcome(EXIT_DONE if done.is_usable else EXIT_NOT_USABLE, done.as_json(args.out, report))

@@ -77,11 +77,20 @@ def walk(block: list[Statement]) -> Iterator[Statement]:
 def without_unused(block: list[Statement]) -> list[Statement]:
     """Return a function's statements without those that nothing needs."""
     while True:
-        needed = frozenset().union(*(statement.reads for statement in walk(block)))
+        needed = _read_in(block)
         count = sum(1 for _ in walk(block))
         block = _needed(block, needed)
         if sum(1 for _ in walk(block)) == count:
             return block
+
+
+def _read_in(block: list[Statement]) -> frozenset[str]:
+    """Return the variables that a block reads. The counter of a loop is not a variable outside it of the same name."""
+    found: frozenset[str] = frozenset()
+    for statement in block:
+        inside = frozenset().union(*map(_read_in, blocks_of(statement)))
+        found |= statement.reads | (inside - {statement.variable} if isinstance(statement, Loop) else inside)
+    return found
 
 
 def _needed(block: list[Statement], needed: frozenset[str]) -> list[Statement]:

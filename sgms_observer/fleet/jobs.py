@@ -114,6 +114,7 @@ def _replay(job: ReplayJob) -> dict[str, Any]:
         "messages": done.messages,
         "axes": {name: {**_plain(tally.figures()), "unit": tally.unit} for name, tally in done.tallies.items()},
         "warnings": list(done.warnings),
+        "usable": done.is_usable,
     }
 
 

@@ -157,8 +157,8 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: b
     warnings = []
     if is_opposed:
         warnings.append(_opposed_sentence(axis))
-    if fit.relative_error > MAX_UNEXPLAINED:
-        warnings.append(_unexplained_sentence(axis, fit.relative_error, ""))
+    if fit.variation_error > MAX_UNEXPLAINED:
+        warnings.append(_unexplained_sentence(axis, fit.variation_error, ""))
     return Answer(changes, remarks, rows, summary, tuple(f"Warning: {one}" for one in warnings), not warnings)
 
 
@@ -189,7 +189,7 @@ def judged_on_held_out(answer: Answer, axis: AxisSettings, unexplained: float) -
     Args:
         answer: of the identification.
         axis: start settings.
-        unexplained: rms residual over rms effort there [-].
+        unexplained: rms residual over rms effort about its mean there [-].
     """
     if unexplained <= MAX_UNEXPLAINED:
         return answer
@@ -205,10 +205,10 @@ def _opposed_sentence(axis: AxisSettings) -> str:
 
 
 def _unexplained_sentence(axis: AxisSettings, share: float, where: str) -> str:
+    word, percent = axis.units.effort_word, f"{100.0 * share:.0f} %"
     return (
-        f"{axis.name}: the model is unusable: {100.0 * share:.0f} % of the rms {axis.units.effort_word} is unexplained"
-        f"{where} (at most {100.0 * MAX_UNEXPLAINED:.0f} %); check units, sign and axis, or find what acts with"
-        " sgms diagnose"
+        f"{axis.name}: the model is unusable: {percent} of the rms {word} about its mean is unexplained{where}"
+        f" (at most {100.0 * MAX_UNEXPLAINED:.0f} %); check units, sign and axis, or find what acts with sgms diagnose"
     )
 
 
@@ -217,8 +217,8 @@ def _warnings(result: Identification, axis: AxisSettings, rows: Sequence[Row]) -
     out = []
     if result.is_opposed:
         out.append(_opposed_sentence(axis))
-    if not result.unexplained <= MAX_UNEXPLAINED:
-        out.append(_unexplained_sentence(axis, result.unexplained, " on held-out chunks"))
+    if not result.unexplained_variation <= MAX_UNEXPLAINED:
+        out.append(_unexplained_sentence(axis, result.unexplained_variation, " on held-out chunks"))
     if not result.is_converged:
         out.append(f"{axis.name}: the fit did not converge; rerun from the file that was written, or record longer")
     if result.needs_negative_delay:

@@ -56,7 +56,7 @@ def _long_run_covariance(pieces: Sequence[Floats]) -> Floats:
     width = pieces[0].shape[1]
     score_covariance = np.zeros((width, width))
     for scores in pieces:
-        if len(scores) == 0:  # a piece that ends before the elements have forgotten their start
+        if not len(scores):  # a piece that is shorter than the filters take to settle
             continue
         centred = scores - scores.mean(axis=0)
         score_covariance += centred.T @ centred

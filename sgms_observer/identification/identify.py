@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import Confidence
 from sgms_observer.identification.effect_terms import EffectTerms, reason_fixed
@@ -28,7 +29,8 @@ from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
 MAX_UNEXPLAINED = 1.0 / 3.0
-"""Share of the rms effort that held-out chunks may leave unexplained; above it the model must not be used."""
+"""Share of the rms effort about its mean that held-out chunks may leave unexplained; above it the model must not be
+used."""
 OTHER_CORNER = 2.0**-0.5
 """Corner of the second low-pass over that of the band: the fit repeated below it gives the systematic error."""
 _REASON_KEPT = "it acts on the measurement, which a fit could erase; sgms diagnose judges it"
@@ -77,6 +79,7 @@ class Identification:
         choices: held-out error of each number of elements tried.
         rms_error: rms force error over all rows [N].
         rms_effort: rms of the filtered effort over the same rows [N].
+        rms_variation: rms of the filtered effort about its mean over the same rows [N].
         held_out_error: rms force error of the chosen number of elements, on validation chunks [N].
         band: the band.
         model: ``sgms`` or ``gms``.
@@ -95,6 +98,7 @@ class Identification:
     choices: tuple[HeldOut, ...]
     rms_error: float
     rms_effort: float
+    rms_variation: float
     held_out_error: float
     band: Band
     model: str
@@ -116,9 +120,14 @@ class Identification:
         return self.held_out_error / self.rms_effort
 
     @property
+    def unexplained_variation(self) -> float:
+        """Rms force error on held-out chunks over the rms effort about its mean [-]."""
+        return self.held_out_error / self.rms_variation
+
+    @property
     def is_usable(self) -> bool:
         """Whether the model may be used: it explains the effort, converged, and the effort has the right sign."""
-        return self.is_converged and not self.is_opposed and self.unexplained <= MAX_UNEXPLAINED
+        return self.is_converged and not self.is_opposed and self.unexplained_variation <= MAX_UNEXPLAINED
 
 
 def identify(
@@ -162,6 +171,7 @@ def identify(
     count = choose_count(errors)
     chosen = by_deflection(fits[count].parameters)
     refined = refine(data, chosen, shape, start.vector(chosen, axis), lambda: show(0.5 * (_SELECTION_TIME_SHARE + 1.0)))
+    effort = _effort(data)
     return Identification(
         parameters=refined.fit.parameters,
         confidence=refined.confidence,
@@ -169,7 +179,8 @@ def identify(
         relaxation=refined.relaxation,
         choices=tuple(HeldOut(*choice) for choice in held_out.items()),
         rms_error=float(np.sqrt(refined.fit.cost)),
-        rms_effort=_rms_effort(data),
+        rms_effort=float(np.sqrt(np.mean(effort**2))),
+        rms_variation=float(np.std(effort)),
         held_out_error=held_out[count],
         band=band,
         model=options.model,
@@ -191,10 +202,9 @@ def _rows(pieces: Sequence[Recording], start: Start, cutoff: float) -> Rows:
     return rows_to_use(start.data, others, start.atoms.slip_deflection)
 
 
-def _rms_effort(data: Rows) -> float:
-    """Return the rms of the filtered effort over all rows [N]."""
-    effort = np.concatenate([piece.effort(piece.time)[mask] for piece, mask in zip(data.main, data.masks, strict=True)])
-    return float(np.sqrt(np.mean(effort**2)))
+def _effort(data: Rows) -> Floats:
+    """Return the filtered effort of all rows [N]."""
+    return np.concatenate([piece.effort(piece.time)[mask] for piece, mask in zip(data.main, data.masks, strict=True)])
 
 
 def _reasons(start: Start) -> dict[str, str]:

@@ -37,6 +37,7 @@ class InverseModelFit:
         values: estimates, SI units.
         covariance: covariance of the estimates [squared SI units], valid for autocorrelated residuals.
         relative_error: norm of the force residual over the norm of the force, over all recordings [-].
+        variation_error: the same over the norm of the force about its mean [-].
         condition: condition number of the column-scaled regressor [-].
         cutoff: corner of the zero-phase filter on the position [Hz].
     """
@@ -45,6 +46,7 @@ class InverseModelFit:
     values: Floats
     covariance: Floats
     relative_error: float
+    variation_error: float
     condition: float
     cutoff: float
 
@@ -174,8 +176,12 @@ def fit_inverse_model(
     values = np.linalg.lstsq(regressor / scale, effort, rcond=None)[0] / scale
     residuals = [part.effort - part.regressor @ values for part in parts]
     covariance = least_squares_covariance([part.regressor for part in parts], residuals)
-    relative = float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(effort))
-    return InverseModelFit(tuple(names), values, covariance, relative, condition, cutoff)
+    error = float(np.linalg.norm(np.concatenate(residuals)))
+    relative, of_variation = (
+        error / float(np.linalg.norm(effort)),
+        error / float(np.linalg.norm(effort - effort.mean())),
+    )
+    return InverseModelFit(tuple(names), values, covariance, relative, of_variation, condition, cutoff)
 
 
 def is_reversed(fit: InverseModelFit) -> bool:

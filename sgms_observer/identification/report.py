@@ -13,7 +13,7 @@ from sgms_observer.arrays import Floats
 from sgms_observer.identification.answer import Answer
 from sgms_observer.identification.identify import MAX_UNEXPLAINED
 from sgms_observer.identification.table import Row
-from sgms_observer.identification.trace import Trace, Traces, unexplained_share
+from sgms_observer.identification.trace import Trace, Traces, unexplained_share, unexplained_variation
 from sgms_observer.report.drawing import Line, Panel, one_after_another, time_plot, with_holes
 from sgms_observer.report.friction_pictures import (
     SLOWEST,
@@ -40,6 +40,7 @@ class IdentifiedAxis:
         traces: model beside measurement.
         band_hz: upper corner of the band [Hz].
         unexplained: rms residual over rms effort on validation chunks [-]; None for least squares.
+        unexplained_variation: rms residual over rms effort about its mean there [-]; None for least squares.
         is_converged: whether the search converged; None for least squares, which needs none.
         notes: sentences about the recordings.
     """
@@ -50,6 +51,7 @@ class IdentifiedAxis:
     traces: Traces
     band_hz: float
     unexplained: float | None
+    unexplained_variation: float | None
     is_converged: bool | None
     notes: tuple[str, ...]
 
@@ -283,13 +285,13 @@ def _converged(part: IdentifiedAxis, of_axis: str) -> Light:
 
 def _explained(part: IdentifiedAxis, of_axis: str) -> list[Light]:
     """Ask whether the model explains the effort, and whether it may be used."""
-    share, where = unexplained_share(part.traces.learnt), "on the fitted recordings"
+    share, where = unexplained_variation(part.traces.learnt), "on the fitted recordings"
     if part.traces.held_out:
-        share, where = unexplained_share(part.traces.held_out), "on held-out recordings"
-    elif part.unexplained is not None:
-        share, where = part.unexplained, "on chunks left out of the fit"
+        share, where = unexplained_variation(part.traces.held_out), "on held-out recordings"
+    elif part.unexplained_variation is not None:
+        share, where = part.unexplained_variation, "on chunks left out of the fit"
     facts = (
-        f"{100.0 * share:.3g} % of the rms {part.units.effort_word} is unexplained {where}; the limit is"
+        f"{100.0 * share:.3g} % of the rms {part.units.effort_word} about its mean is unexplained {where}; the limit is"
         f" {100.0 * MAX_UNEXPLAINED:.3g} %."
     )
     state = GOOD if share <= MAX_UNEXPLAINED else BAD

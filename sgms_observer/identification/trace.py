@@ -87,6 +87,24 @@ def unexplained_share(traces: Sequence[Trace]) -> float:
     return float(np.linalg.norm(residual) / np.linalg.norm(effort))
 
 
+def load_ratio(effort: Floats) -> float:
+    """Return the rms of an effort over its rms about its mean [-], which is large under a constant load.
+
+    A share of the rms effort times this ratio is the share of what changes, which a model has to explain: a constant
+    load is explained by any offset.
+
+    Args:
+        effort: in order of time, shape (n,) [N or N m].
+    """
+    variation = float(np.std(effort))
+    return float(np.sqrt(np.mean(np.square(effort)))) / variation if variation > 0.0 else 1.0
+
+
+def unexplained_variation(traces: Sequence[Trace]) -> float:
+    """Return the rms residual over the rms effort about its mean, of one piece or more [-]."""
+    return unexplained_share(traces) * load_ratio(np.concatenate([trace.effort for trace in traces]))
+
+
 def traces_of(
     result: Identification, axis: AxisSettings, learnt: Sequence[Recording], held_out: Sequence[Recording]
 ) -> Traces:

@@ -2,7 +2,8 @@
 
 Irregular stamps are brought to an even grid by a cubic through the samples. Where the stamps stray and the samples do
 not, the samples are the grid. Equal and backward stamps are dropped. Pauses cut the recording into pieces; pieces that
-are too short are left out. Notes report these changes.
+are too short are left out. An angle that wraps is unwrapped; other jumps of the position cut. Notes report these
+changes.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.effort_range import MIN_Z_SCORE, effort_limits
 from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
 from sgms_observer.offline.held_samples import samples_per_change
+from sgms_observer.offline.jumps import MAX_PAUSE, later_stamps, without_jumps
 from sgms_observer.settings.axis import AxisSettings
 
 MIN_SAMPLES = 200
@@ -35,8 +37,14 @@ _RATE_TOLERANCE = 0.98  # of MIN_RATE: a clock that runs slow
 _MAX_STRAY = 0.02  # share of the period by which a stamp may stray before the signals are interpolated
 _MAX_UNEVEN = 0.01  # share of the period by which a pause may differ from it in an even recording
 _MAX_TRIMMED = 10  # samples at either end that are dropped if only their pauses are uneven
-_MAX_PAUSE = 3.5  # periods; a longer pause cuts the recording
 _BLOCK = 20  # samples of a block in which the noise of two readings is compared: longer than what one sample reaches
+_MAX_SURE = 0.4  # periods; how many periods a pause holds is not sure where it is farther from a whole number
+_COUNTED = 50  # samples of a block whose mean shows whether samples are missing before it
+_MIN_BLOCKS = 8  # of a short piece
+_MAX_WANDER = 0.5  # periods; a missing sample makes a step of one, jitter of half a period spreads 1000 means by 0.45
+_COHERENT = 128  # samples of the first blocks of which the spectrum is searched
+_MAX_RATE_RATIO = 1.9  # of the rate to the mean rate where samples are missing; twice the rate is a peak too
+_MIN_POWER = 4.0  # of the spectral peak over that of stamps without a rate
 _RATES = 40  # quarters of a period by which the rough rate may be off over a whole piece
 
 
@@ -199,7 +207,8 @@ def read_recordings(
     for name, samples in BagSamples(path, wanted, topics=topics):
         blocks[name].append(samples)
     second = join_samples(blocks[other.name]) if other is not None else None
-    found = at_rate_of_changes(recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, second))
+    samples = join_samples(blocks[axis.name])
+    found = at_rate_of_changes(recordings_from_samples(samples, Path(path).name, second, axis.units.position))
     return replace(found, pieces=tuple(_without_unit_of_log(piece) for piece in found))
 
 
@@ -219,20 +228,29 @@ def _without_unit_of_log(piece: Recording) -> Recording:
     )  # fmt: skip
 
 
-def recordings_from_samples(samples: Samples, name: str, other: Samples | None = None) -> Recordings:
+def recordings_from_samples(
+    samples: Samples, name: str, other: Samples | None = None, unit: str = "m or rad"
+) -> Recordings:
     """Cut a block of samples into evenly sampled pieces.
 
     Args:
         samples: recorded samples of one axis, in SI units.
         name: name of the recording.
         other: recorded samples of another axis, or None.
+        unit: of the positions, for the notes.
 
     Returns:
-        Pieces between pauses, each long enough to learn from, in order of time, and notes.
+        Pieces between pauses and jumps of the position, each long enough to learn from, in order of time, and notes.
 
     Raises:
         DataError: if nothing usable is left.
     """
+    continuous = without_jumps(samples, name, unit)
+    samples, cuts, notes = continuous.samples, continuous.cuts_ns, list(continuous.notes)
+    if other is not None:
+        of_other = without_jumps(other, f"{name}, other axis", "m or rad")
+        other, cuts = of_other.samples, np.sort(np.concatenate((cuts, of_other.cuts_ns)))
+        notes += of_other.notes
     good = np.isfinite(samples.position) & np.isfinite(samples.effort)
     stamp = samples.stamp_ns[good]
     if len(stamp) < MIN_SAMPLES:
@@ -240,9 +258,7 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
             f"{name} holds {len(stamp)} samples with both position and control_effort; identification needs at least"
             f" {MIN_SAMPLES}: record both topics"
         )
-    newest = np.maximum.accumulate(stamp)
-    keep = np.concatenate(([True], stamp[1:] > newest[:-1]))
-    notes = []
+    keep = later_stamps(stamp)
     if not np.all(keep):
         notes.append(f"{name}: {int(np.sum(~keep))} of {len(keep)} samples with duplicate or backward stamps dropped")
     seconds = (stamp[keep] - stamp[0]) * 1e-9
@@ -250,19 +266,24 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
     step, limits = encoder_step(signals[0]), effort_limits(signals[1])
     pauses = np.diff(seconds)
     typical = float(np.median(pauses))
-    whole = pauses <= _MAX_PAUSE * typical
-    period = _mean_period(pauses[whole], typical)
+    whole = pauses <= MAX_PAUSE * typical
+    period = mean_period(pauses[whole], typical)
     if period * MIN_RATE * _RATE_TOLERANCE > 1.0:
         raise DataError(
             f"{name} is sampled at {1.0 / period:.3g} Hz; record position and control_effort at {MIN_RATE:g} Hz or more"
         )
+    whole &= np.diff(np.searchsorted(cuts, stamp[keep], side="right")) == 0
     edges = [0, *(np.flatnonzero(~whole) + 1).tolist(), len(seconds)]
     spans = [(a, b) for a, b in pairwise(edges) if b - a >= MIN_SAMPLES]
+    by = "pauses and jumps of the position" if len(cuts) else "pauses"
     if not spans:
-        raise DataError(f"{name} is broken by pauses into pieces shorter than {MIN_SAMPLES} samples; record it again")
+        jumps = "".join(f"; {note}" for note in continuous.notes)
+        raise DataError(
+            f"{name} is broken by {by} into pieces shorter than {MIN_SAMPLES} samples; record it again{jumps}"
+        )
     if skipped := len(edges) - 1 - len(spans):
         lost = len(seconds) - sum(b - a for a, b in spans)
-        notes.append(f"{name}: {skipped} pieces between pauses hold fewer than {MIN_SAMPLES} samples and were skipped"
+        notes.append(f"{name}: {skipped} pieces between {by} hold fewer than {MIN_SAMPLES} samples and were skipped"
                      f" ({lost} samples)")  # fmt: skip
     origin = float(stamp[0]) * 1e-9
     pieces, readings = [], []
@@ -281,15 +302,57 @@ def recordings_from_samples(samples: Samples, name: str, other: Samples | None =
     return Recordings(tuple(pieces), tuple(notes))
 
 
-def _mean_period(pauses: Floats, typical: float) -> float:
+def mean_period(pauses: Floats, typical: float) -> float:
     """Return the period over half of the recording, the median of all halves [s].
 
-    A coarse clock biases the median pause; a few wrong stamps bias the mean.
+    A coarse clock biases the median pause; a few wrong stamps bias the mean. Where stamps stray by more, single pauses
+    do not show how many periods they hold: the samples are counted, or, where some are missing, the spectrum of the
+    stamps is searched.
+
+    Args:
+        pauses: between samples, shape (n,) [s].
+        typical: about the period [s].
     """
-    counts = np.concatenate(([0.0], np.cumsum(np.maximum(np.round(pauses / typical), 1.0))))
+    whole = np.maximum(np.round(pauses / typical), 1.0)
     seconds = np.concatenate(([0.0], np.cumsum(pauses)))
+    if 4 * np.count_nonzero(np.abs(pauses / typical - whole) > _MAX_SURE) > _RATES:
+        return _counted_period(seconds) or _spectral_period(seconds) or typical
+    counts = np.concatenate(([0.0], np.cumsum(whole)))
     half = len(seconds) // 2
     return float(np.median((seconds[half:] - seconds[: len(seconds) - half]) / (counts[half:] - counts[:-half])))
+
+
+def _counted_period(seconds: Floats) -> float:
+    """Return the mean period [s] where no sample is missing; otherwise 0.
+
+    A missing sample moves all later ones by a period, jitter moves none but its own: means over blocks tell them apart.
+    """
+    period, start = (float(value) for value in np.polyfit(np.arange(len(seconds)), seconds, 1))
+    off = seconds - start - period * np.arange(len(seconds))
+    blocks = np.array_split(off, max(_MIN_BLOCKS, len(seconds) // _COUNTED))
+    wander = np.array([float(np.mean(block)) for block in blocks])
+    return period if float(np.ptp(wander)) < _MAX_WANDER * period else 0.0
+
+
+def _spectral_period(seconds: Floats) -> float:
+    """Return the period [s] at the peak of the spectrum of the stamps; 0 where they have none.
+
+    Stamps that stray are coherent over a few samples within a wide band of rates, and over many within a narrow one, so
+    that the rate is refined with growing blocks.
+    """
+    slowest, shortest = float(np.mean(np.diff(seconds))), min(_COHERENT, len(seconds))
+    length = shortest
+    rates = np.arange(_RATE_TOLERANCE, _MAX_RATE_RATIO, 0.25 / length) / slowest
+    while True:
+        blocks = seconds[: len(seconds) // length * length].reshape(-1, length)
+        power = [float(np.mean(np.abs(np.mean(np.exp(-2.0j * np.pi * rate * blocks), axis=1)) ** 2)) for rate in rates]
+        best = float(rates[int(np.argmax(power))])
+        if length == shortest and max(power) < _MIN_POWER / length:
+            return 0.0
+        if length * 8 > len(seconds):
+            return 1.0 / best
+        rates = best + np.arange(-16, 17) / (32.0 * length * slowest)
+        length *= 8
 
 
 @dataclass(frozen=True)
@@ -330,7 +393,8 @@ def _even_reading(period: float, seconds: Floats, signals: Sequence[Floats]) -> 
     if stray <= _MAX_STRAY:
         return _Reading(period, start, [np.ascontiguousarray(values, dtype=np.float64) for values in signals], stray)
     stamped = _Reading(period, start, _interpolated(seconds, signals, np.clip(grid, seconds[0], seconds[-1])), stray)
-    number = _sample_numbers((seconds - start) / period)
+    is_counted = _counted_period(seconds) > 0.0
+    number = np.arange(float(len(seconds))) if is_counted else _sample_numbers((seconds - start) / period)
     if np.any(np.diff(number) < 1.0):
         return stamped
     even = _interpolated(number, signals, np.arange(number[-1] + 1.0))
@@ -371,14 +435,19 @@ def _is_surely_smoother(position: Floats, other: Floats) -> bool:
     """Return whether third differences of a position are surely smaller than those of another reading of it.
 
     Those of a smooth motion are small, and what wrong times add to a motion is not smooth. Their rms is compared in
-    blocks of time. The standard error of the decrease follows from its scatter, so that no single block decides.
+    blocks of time. The standard error of the decrease follows from its scatter, so that no single block decides. Where
+    two stamps nearly agree, a cubic through them makes a few blocks so rough that the scatter hides all others: then
+    the number of smoother blocks decides.
     """
     count = min(len(position), len(other)) - 3
     blocks = np.arange(0, count, _BLOCK)
     ours, theirs = (
         np.sqrt(np.add.reduceat(np.square(np.diff(values, 3)[:count]), blocks)) for values in (position, other)
     )
-    return bool(np.sum(theirs - ours) > MIN_Z_SCORE * float(np.linalg.norm(theirs - ours)))
+    decrease = theirs - ours
+    return any(
+        float(np.sum(values)) > MIN_Z_SCORE * float(np.linalg.norm(values)) for values in (decrease, np.sign(decrease))
+    )
 
 
 def _notes_on_stamps(name: str, readings: Sequence[_Reading]) -> list[str]:

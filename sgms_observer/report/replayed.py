@@ -226,6 +226,8 @@ def replay_page(
 
 def _verdict(view: AxisView, figures: Mapping[str, float], recorded: Recorded) -> str:
     """Return the outcome of one axis in a sentence or two."""
+    if not figures["corrections"]:
+        return f"The observer of {view.axis.name} made no correction, so the recording does not show whether it fits."
     unit, size = view.axis.units.effort, max(abs(view.lowest), abs(view.highest))
     word = "fits" if figures["nis"] <= MAX_NIS else "does not fit"
     share = f" ({100.0 * figures['innovation'] / size:.3g} % of the largest friction)" if 0.0 < size < math.inf else ""
@@ -243,9 +245,11 @@ def _lights(
     fits = figures["nis"] <= MAX_NIS
     answer = (
         f"NIS is {figures['nis']:.3g}; it is near 1 where the observer knows its own uncertainty, and below 1 where"
+        " it expects larger innovations than it gets, which is harmless."
     )
-    answer += " it expects larger innovations than it gets, which is harmless."
-    if not fits:
+    if not figures["corrections"]:
+        answer = "No window of the filter has an effort at every position, so there is no NIS."
+    elif not fits:
         answer += f" Above {MAX_NIS:g} the model lacks something (run sgms diagnose) or a parameter is wrong."
     found = [Light("Model", f"Does the model{of_axis} fit this recording?", GOOD if fits else BAD, answer)]
     trouble = {code: n for code, n in statuses.items() if code not in (Status.RUNNING, Status.STARTING)}

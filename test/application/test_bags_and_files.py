@@ -265,3 +265,108 @@ def test_samples_that_wait_longer_than_the_compensation_looks_ahead(
     found = result(capsys, "check", str(tmp_path / "axis.yaml"))
     assert found["fits"] and len(found["warnings"]) == is_late
     assert all("the first compensations of every block come too late" in one for one in found["warnings"])
+
+
+def write_turning(path: Path, *, jump: float = 0.0) -> str:
+    """Write the motion of a joint that turns by some turns as a drive logs it, 0 to 2 pi, and return the bag's path."""
+    time, position, effort = motion(stroke=20.0)
+    position = np.mod(position, 2.0 * np.pi) if not jump else position + jump * (time > 7.0)
+    write_table(Table(np.round(time * 1e9).astype(np.int64), position, effort, None, None, ()), path, "x")
+    return str(path)
+
+
+def test_an_angle_that_wraps_is_read_as_the_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was read as 700 rad/s, with a mass of nothing, and diagnose named an effect."""
+    bag, out = write_turning(tmp_path / "bag"), str(tmp_path / "axis.yaml")
+    (axis,) = result(capsys, "info", bag, "--joint-type", "revolute")["axes"]
+    assert axis["position"]["peak_speed"] < 50.0 and axis["force_balance"]["mass"]["value"] == pytest.approx(MASS, 0.05)
+    assert "by 6.28319 rad; it was unwrapped" in axis["notes"][0]
+    initialised = result(capsys, "init", bag, "--out", out, "--joint-type", "revolute")
+    assert "it was unwrapped" in "".join(initialised["warnings"])
+    (drafted,) = load_settings(out).axes
+    assert drafted.mass == pytest.approx(MASS, 0.05) and drafted.filter.jump_speed < 500.0  # a wrap is 3142 rad/s
+    assert "it was unwrapped" in "".join(result(capsys, "check", out, bag)["warnings"])
+
+
+def test_a_homing_within_a_recording_is_reported_by_every_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, out = write_turning(tmp_path / "bag", jump=30.0), str(tmp_path / "axis.yaml")
+    (axis,) = result(capsys, "info", bag)["axes"]
+    sentence = "the position jumps within one sample by 30 {} at 6.002 s; the recording is cut there"
+    assert sentence.format("m or rad") in axis["notes"][0] and axis["pieces"] == 2
+    warnings = result(capsys, "init", bag, "--out", out, "--joint-type", "revolute")["warnings"]
+    assert sentence.format("rad") in "".join(warnings)
+    assert sentence.format("rad") in "".join(result(capsys, "check", out, bag)["warnings"])
+    (drafted,) = load_settings(out).axes
+    assert drafted.filter.jump_speed < 1000.0  # the jump is 15,000 rad/s
+
+
+def write_topics(
+    path: Path, *, late_ns: int = 0, joint: str = "x", every: int = 1, effort_is_known: bool = True
+) -> str:
+    """Write the motion with topics that do not agree, and return the bag's path.
+
+    Args:
+        path: of the bag.
+        late_ns: by how much efforts are stamped later than positions [ns].
+        joint: name of the joint in the topic of the efforts.
+        every: positions per effort.
+        effort_is_known: whether efforts are numbers.
+    """
+    time, position, effort = motion()
+    stamps = np.round(time * 1e9).astype(np.int64)
+    with BagWriter(path) as bag:
+        bag.write_joint_states("position", stamps, ("x",), position=position)
+        values = effort[::every] if effort_is_known else np.full(len(effort[::every]), np.nan)
+        bag.write_joint_states("control_effort", stamps[::every] + late_ns, (joint,), effort=values)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"late_ns": 600_000}, "/control_effort is stamped 0.6 ms after the position, more than a quarter"),
+        ({"late_ns": -600_000}, "/control_effort is stamped 0.6 ms before the position, more than a quarter"),
+        ({"joint": "motor"}, "/control_effort holds motor, not x: give the joint one name in both topics"),
+        ({"effort_is_known": False}, "/control_effort holds no number as the effort of x: record the effort"),
+    ],
+)
+def test_why_no_effort_belongs_to_a_position(
+    wrong: dict[str, object], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = write_topics(tmp_path / "bag", **wrong)
+    right, out = write(tmp_path / "right"), str(tmp_path / "axis.yaml")
+    (axis,) = result(capsys, "info", bag)["axes"]
+    assert {use["for"] for use in axis["uses"] if use["reason"].startswith(sentence)} == {
+        "identify", "diagnose", "replay",
+    }  # fmt: skip
+    result(capsys, "init", right, "--out", out)
+    (fault,) = result(capsys, "check", out, bag, code=1)["faults"]
+    assert fault.startswith(f"x: {sentence}")
+
+
+def test_efforts_at_a_lower_rate_leave_the_sample_period_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was that of the efforts, and check asked for it; then no sample of the observer was corrected, with code 0."""
+    bag, out = write_topics(tmp_path / "bag", every=4), str(tmp_path / "axis.yaml")
+    (axis,) = result(capsys, "info", bag)["axes"]
+    assert axis["rate_hz"] == pytest.approx(RATE)
+    reasons = {use["for"]: use["reason"] for use in axis["uses"] if not use["possible"]}
+    assert reasons == {
+        "replay": "control_effort comes at 125 Hz and position at 500 Hz, so the observer makes no correction: record"
+        " both at one rate"
+    }
+    assert main(["info", bag]) == 0 and "at 500 Hz (with an effort 125 Hz)" in capsys.readouterr().out
+    assert result(capsys, "init", bag, "--out", out)["sample_period"] == pytest.approx(1.0 / RATE)
+    assert result(capsys, "check", out, bag)["fits"]
+    assert main(["replay", bag, "--config", out, "--out", str(tmp_path / "replayed"), "--json"]) == 3
+    printed = capsys.readouterr()
+    assert "Warning: x: the observer made no correction, because no window of its filter has a" in printed.err
+    figures = json.loads(printed.out)["axes"]["x"]
+    assert figures["corrections"] == 0 and figures["innovation"] is None and figures["nis"] is None
+    page = (tmp_path / "replayed" / "report.html").read_text(encoding="utf-8")
+    assert "made no correction, so the recording does not show whether it fits" in page
+    assert main(["replay", bag, "--config", out, "--out", str(tmp_path / "again")]) == 3
+    assert "0 corrections;" in capsys.readouterr().out

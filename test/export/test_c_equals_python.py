@@ -132,6 +132,17 @@ def test_every_model_with_all_parameters_estimated(model: str, modes: str, reset
     assert_equal(exported(tmp_path, (replace(AXIS, friction=friction, estimator=estimator),)))
 
 
+@pytest.mark.parametrize("parameters", [(), ESTIMABLE])
+@pytest.mark.parametrize("model", ["sgms", "gms"])
+def test_one_element(model: str, parameters: tuple[str, ...], tmp_path: Path) -> None:
+    """As identify writes it: loops over elements are written out, and nothing of their counters is left."""
+    friction = FrictionSettings(
+        model=model, element_stiffness=(1.0e6,), element_fraction=(1.0,), element_damping=(0.0,)
+    )
+    estimator = EstimatorSettings(kind="ekf", parameters=parameters)
+    assert_equal(exported(tmp_path, (replace(AXIS, friction=friction, estimator=estimator),)))
+
+
 EXTREME_STAMPS = """
 #include "sgms.h"
 #include <math.h>

@@ -173,6 +173,17 @@ def test_a_model_that_explains_little_warns_and_ends_with_3(bags: Path, capsys: 
     assert "Warning: x: the model is unusable" in said and "unexplained" in said
 
 
+def test_a_constant_load_hides_no_bad_model() -> None:
+    """The share of the rms effort fell to 1 % below a load of 1000 N m, and the model of noise was usable."""
+    angle, torque = _turning()
+    noise = 1000.0 + np.random.default_rng(5).normal(0.0, 10.0, len(TIME)) + torque * 0.1
+    axis = _axis()
+    result = identify([Recording("load", PERIOD, angle, noise)], axis, QUICK)
+    assert result.unexplained < 0.02 and result.unexplained_variation > 0.5 and not result.is_usable
+    warnings = identification_answer(result, axis, PERIOD).warnings
+    assert any("of the rms torque about its mean is unexplained" in warning for warning in warnings)
+
+
 def test_one_reversal_is_refused(tmp_path: Path) -> None:
     angle = np.where(TIME < 15.0, 0.05 * TIME, 1.5 - 0.05 * TIME)
     with pytest.raises(Exception, match="reverses once"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -75,9 +76,11 @@ def test_one_way_motion_is_refused_with_a_sentence() -> None:
         fit_inverse_model([still])
 
 
-def test_a_piece_without_rows_adds_nothing_to_the_covariance() -> None:
-    """A piece between two pauses may end before the elements have forgotten their start."""
-    rng = np.random.default_rng(1)
+def test_a_piece_without_rows_has_no_scores() -> None:
+    """A piece that is shorter than the filters take to settle leaves none; numpy warned of means of nothing."""
+    rng = np.random.default_rng(3)
     jacobian, residual = rng.normal(size=(300, 2)), rng.normal(size=300)
-    with_empty = least_squares_covariance([jacobian, jacobian[:0]], [residual, residual[:0]])
-    np.testing.assert_array_equal(with_empty, least_squares_covariance([jacobian], [residual]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        covariance = least_squares_covariance([jacobian, jacobian[:0]], [residual, residual[:0]])
+    assert np.array_equal(covariance, least_squares_covariance([jacobian], [residual]))

@@ -108,6 +108,36 @@ def test_samples_that_were_taken_evenly_are_not_moved_to_stamps_that_stray(moves
     assert np.abs(coupled.other_position - true).max() < 5.0e-5  # 2e-3 at the stamps; by straight lines
 
 
+def _late(spread: float, lost: float) -> tuple[Samples, np.ndarray]:
+    """Return samples taken every millisecond that a logger stamps late, in order, and their true positions.
+
+    Args:
+        spread: mean delay of the logger, in periods.
+        lost: share of the samples that it loses.
+    """
+    rng, count = np.random.default_rng(5), 20_000
+    taken = 1.0e-3 * np.arange(count)
+    logged = rng.random(count) >= lost
+    stamps = np.sort(1.0 + taken + 1.0e-3 * rng.exponential(spread, count))[logged]
+    true = np.round(0.05 * np.sin(2.0 * np.pi * 0.5 * taken) + 0.01 * np.sin(2.0 * np.pi * 2.3 * taken), 6)
+    nothing = np.full(len(stamps), np.nan)
+    return Samples(np.rint(stamps * 1e9).astype(np.int64), true[logged], true[logged], nothing, nothing), true
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.1, 0.2, 0.3])
+def test_samples_that_a_logger_stamps_late_are_counted(spread: float) -> None:
+    """Pauses of 1.6 and 0.4 periods were counted as three periods: 1092 Hz for a delay of 0.3 periods."""
+    samples, true = _late(spread, 0.0)
+    (piece,) = recordings_from_samples(samples, "log")
+    assert piece.period == pytest.approx(1.0e-3, rel=1.0e-5)
+    assert np.array_equal(piece.position, true)
+
+
+@pytest.mark.parametrize("lost", [0.003, 0.05, 0.2])
+def test_the_rate_of_late_stamps_is_right_where_samples_are_missing(lost: float) -> None:
+    assert recordings_from_samples(_late(0.2, lost)[0], "log")[0].period == pytest.approx(1.0e-3, rel=3.0e-4)
+
+
 def test_samples_that_were_taken_at_their_stamps_are_read_there() -> None:
     found = recordings_from_samples(_strayed(samples_stray=True), "log")
     (piece,), (note,) = found.pieces, found.notes
