@@ -37,7 +37,7 @@ ROWS = tuple(Row(f"friction.part[{k}]", 1.0, 0.1, "N", True) for k in range(25))
 def identified_axis(name: str, seed: int, rows: tuple[Row, ...] = ROWS) -> IdentifiedAxis:
     """Return an identified axis with long recordings."""
     traces = Traces((_trace("first", seed),), (_trace("second", seed + 100),), np.sign)
-    return IdentifiedAxis(name, Units(), Answer({}, {}, rows), traces, 100.0, 0.1, True, ())
+    return IdentifiedAxis(name, Units(), Answer({}, {}, rows), traces, 100.0, 0.1, 0.1, True, ())
 
 
 @pytest.mark.parametrize("axes", [1, 7])
