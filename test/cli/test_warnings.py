@@ -76,7 +76,7 @@ def test_diagnose_warns_on_stderr(
     gap = types.SimpleNamespace(held_out="held-out", band=10.0, given=3.0, before=2.0, after=1.0, floor=0.5)
     answer = types.SimpleNamespace(
         gap=gap, warnings=("the recording is short", "stage.controller differs"), verdict="cannot_tell", effects=(),
-        learnt=(), changed=(), gap_with_learnt=1.0, next_experiment=None, usable=True, remainder="none",
+        learnt=(), changed=(), gap_with_learnt=1.0, next_experiment=None, usable=True, remainder="none", tests=(),
     )  # fmt: skip
     check = types.SimpleNamespace(innovation=1.0, friction_not_cancelled=1.0, along="the motion", share=0.5)
     unit = types.SimpleNamespace(effort="N")
