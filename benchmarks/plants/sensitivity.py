@@ -44,7 +44,7 @@ CRITERION_OF = {
     "size beyond the tolerance of the file": "interval_z_score",
     "held-out gap: z-score": "interval_z_score",
     "gap as reported: z-score": "interval_z_score",
-    "z-score of a force that differs between": "interval_z_score",
+    "z-score of a force that differs between": "min_z_score",
     "share of the squared gap above the noise in the place of": "min_imitable_share",
     "share of the squared gap above the noise beside the others, of": "min_imitable_share",
     "share of the squared residual beside logarithmic friction": "min_imitable_share",

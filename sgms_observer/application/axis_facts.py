@@ -85,6 +85,8 @@ class AxisFacts:
     duplicate_stamps: int
     backward_stamps: int
     position_range: tuple[float, float]
+    stroke: float
+    recorded_range: float
     encoder_step: float
     position_noise: float
     peak_speed: float
@@ -111,11 +113,6 @@ class AxisFacts:
     def has_slow_effort(self) -> bool:
         """Whether efforts come evenly, but at a lower rate than positions."""
         return self.effort_period > _MIN_SLOWER * self.period > 0.0
-
-    @property
-    def stroke(self) -> float:
-        """Range of the positions [m or rad]."""
-        return self.position_range[1] - self.position_range[0]
 
     def as_json(self) -> dict[str, object]:
         """Return the facts for ``--json``."""
@@ -186,9 +183,11 @@ def read_axis_facts(
     finite, driven = position[np.isfinite(position)], given[np.isfinite(given)]
     fault, recordings, effort_period = "", Recordings(()), period
     try:
-        recordings = recordings_from_samples(samples, Path(bag).name, unit=unit or axis.units.position)
-        effort_period = recordings[0].period
-        recordings = at_rate_of_changes(recordings)
+        updates = at_rate_of_changes(samples, Path(bag).name)
+        recordings = recordings_from_samples(updates.samples, Path(bag).name, unit=unit or axis.units.position)
+        effort_period = recordings[0].period / updates.count
+        if updates.note:
+            recordings = Recordings(recordings.pieces, (*recordings.notes, updates.note))
     except DataError as error:
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
@@ -196,7 +195,8 @@ def read_axis_facts(
     step = recordings[0].encoder_step if recordings else encoder_step(finite)
     pieces = [piece.position for piece in recordings] or [finite]
     positions = np.concatenate(pieces)
-    travel = max(_REVERSAL_STEPS * step, _MIN_REVERSAL * float(np.ptp(positions))) if len(positions) else 0.0
+    longest = max((float(np.ptp(piece)) for piece in pieces if len(piece)), default=0.0)
+    travel = max(_REVERSAL_STEPS * step, _MIN_REVERSAL * longest)
     return AxisFacts(
         name=axis.name,
         samples=len(position),
@@ -209,6 +209,8 @@ def read_axis_facts(
         duplicate_stamps=int(np.count_nonzero(pauses == 0.0)),
         backward_stamps=int(np.count_nonzero(pauses < 0.0)),
         position_range=_range(positions),
+        stroke=longest,
+        recorded_range=float(np.ptp(finite)) if len(finite) else 0.0,
         encoder_step=step,
         position_noise=max((piece.position_noise for piece in recordings), default=0.0),
         peak_speed=max((_peak_speed(piece.position, piece.period) for piece in recordings), default=float("nan")),

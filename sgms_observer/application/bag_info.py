@@ -92,7 +92,7 @@ def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
     """Return a sentence for each suspicious unit; arguments as of ``doubts_about``."""
     found = []
     units = Units(joint_type or PRISMATIC)
-    stroke, speed = facts.stroke, facts.peak_speed
+    stroke, speed = min(facts.stroke, facts.recorded_range), facts.peak_speed  # an unwrapped table turns many times
     unit = units.position if joint_type else "m or rad"
     largest = _MAX_RANGE[joint_type or PRISMATIC]
     fastest = _MAX_SPEED[joint_type or REVOLUTE]

@@ -124,7 +124,8 @@ class _Loop:
         for axis in (given, augmented):
             if np.all(np.isfinite(runs[0].position)):
                 compensation, friction = _compensation(axis, self.truth, runs[0], period)
-                share = _rms(compensation[counted]) / max(axis.compensation.gain * _rms(friction[counted]), 1.0e-300)
+                whole = axis.compensation.gain * _rms(friction[counted])
+                share = _rms(compensation[counted]) / whole if whole > 0.0 else 1.0
                 runs.append(self._run(compensation))
         errors = [(run.position - run.reference_position)[counted] for run in runs]
         if len(errors) < 3 or not all(np.all(np.isfinite(error)) for error in errors):
@@ -372,7 +373,7 @@ def _diagnosed(
         step = step.along((*recordings.holdouts, *recordings.records)[0])
         answer = answer_of(found, axis, options)
         if answer.doubtful:
-            refused.append(max(answer.doubtful, key=lambda test: test.value))
+            refused.append(max(answer.doubtful, key=lambda test: test.excess))
             options = replace(options, excluded=options.excluded | {refused[-1].of})
             continue
         written = step.written(answer)

@@ -17,14 +17,17 @@ def cut_off_sentences(recordings: Sequence[Recording]) -> list[str]:
         recordings: evenly sampled pieces.
     """
     found = []
-    for name, (low, high) in dict.fromkeys((piece.name, piece.effort_limits) for piece in recordings):
-        limits = " and ".join(f"{limit:.4g}" for limit in (low, high) if math.isfinite(limit))
+    for name in dict.fromkeys(piece.name for piece in recordings):
+        pieces = [piece for piece in recordings if piece.name == name]
+        limits = " and ".join(f"{limit:.4g}" for limit in pieces[0].effort_limits if math.isfinite(limit))
         if not limits:
             continue
-        effort = np.concatenate([piece.effort for piece in recordings if piece.name == name])
-        share = float(np.mean((effort <= low) | (effort >= high)))
+        at_limit = [
+            (piece.effort <= piece.effort_limits[0]) | (piece.effort >= piece.effort_limits[1]) for piece in pieces
+        ]
         found.append(
-            f"the effort of {name} is cut off at {limits} N or N m, which {100.0 * share:.2g} % of the samples have:"
+            f"the effort of {name} is cut off at {limits} N or N m, which"
+            f" {100.0 * float(np.mean(np.concatenate(at_limit))):.2g} % of the samples have:"
             " unless the drive was at its limit, mass and friction come out too small; log a larger range, or move with"
             " less force"
         )

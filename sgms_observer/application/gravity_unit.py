@@ -17,8 +17,9 @@ from sgms_observer.arrays import Floats
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.units import PRISMATIC, REVOLUTE
 
-RADIANS_PER_UNIT = {"degrees": math.pi / 180.0, "revolutions": 2.0 * math.pi}
-"""Units of logs beside radians, with the factor to radians."""
+RADIANS_PER_UNIT = {"degrees": math.pi / 180.0}
+"""Units of logs beside radians, with the factor to radians. Gravity over revolutions looks like a cogging with six
+cycles a turn, so revolutions are not among them."""
 _MAX_SQUARED_RATIO = 0.5
 """Largest ratio of the squared residuals of two models, of which one explains decidedly more."""
 _MIN_SINGULAR = 1.0e-4  # of the largest singular value of the scaled columns; below it they are one column
@@ -58,7 +59,8 @@ def gravity_unit(recordings: Sequence[Recording], balance: ForceBalance) -> Grav
         return min((_residual(columns, effort, *forces) for columns in rigid), key=_rms)
 
     without = residual()
-    spring = residual(position - np.mean(position))  # gravity over a small angle looks like one
+    centred = position - np.mean(position)
+    spring = residual(centred, centred**2)  # gravity over a small angle looks like springs
     radians = residual(np.sin(position), np.cos(position))
     best, unit = radians, ""
     for name, factor in RADIANS_PER_UNIT.items():
@@ -91,7 +93,7 @@ def gravity_warnings(name: str, gravity: GravityUnit | None, joint_type: str | N
         return [
             f"{name}: gravity does not act over an angle in radians, which leaves {100.0 * gravity.in_radians:.3g} % of"
             f" the effort unexplained; in {gravity.better} it leaves {left:.3g} %: multiply position_scale by"
-            f" {RADIANS_PER_UNIT[gravity.better]:.10g}, or by the factor from the motor to the joint"
+            f" {RADIANS_PER_UNIT[gravity.better]:.10g}"
         ]
     return []
 
@@ -111,7 +113,9 @@ def _explains_more(residual: Floats, other: Floats) -> bool:
 
 def _is_surely_smaller(residual: Floats, other: Floats) -> bool:
     """Return whether the rms of a residual is smaller by more than the scatter of the decrease over blocks of time."""
-    ours, theirs = ([_rms(block) for block in np.array_split(values, _BLOCKS)] for values in (residual, other))
+    ours, theirs = (
+        [_rms(block) for block in np.array_split(values, min(_BLOCKS, len(values)))] for values in (residual, other)
+    )
     decrease = np.subtract(theirs, ours)
     return bool(np.sum(decrease) > MIN_Z_SCORE * float(np.linalg.norm(decrease)))
 

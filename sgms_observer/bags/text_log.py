@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +20,8 @@ _HEADS = (200, 2_000, 20_000, 200_000)
 _ROWS_SEEN = 20  # rows of a table that are enough to know how it is written
 _LONGEST_LINE = 1 << 20  # characters; a longer line is no row of a log
 _FIELD_SHOWN = 40  # characters
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+")
+"""A whole number with commas between thousands, or one with a decimal comma: nothing tells them apart."""
 _TABLE: Literal[2] = 2  # dimensions
 _HALF_DAY, _DAY = 43_200.0, 86_400.0  # s
 
@@ -89,13 +92,24 @@ class TextLog:
                 raise
             reason = self._reason(str(error))
         dialect = self._dialect
-        if not dialect.has_decimal_comma and dialect.separator != ",":  # whole numbers only, up to the first comma
+        is_possible = not dialect.has_decimal_comma and dialect.separator != ","
+        if is_possible and self._has_decimal_commas(order):  # whole numbers only, up to the first comma
             self._dialect = replace(dialect, has_decimal_comma=True)
             try:
                 return self._load(order, is_plain=False)
             except ValueError:
                 self._dialect = dialect
         raise RecordingError(f"{self._path}{reason}; correct or remove that line")
+
+    def _has_decimal_commas(self, order: Sequence[int]) -> bool:
+        """Return whether a number in some columns has a comma that cannot stand between thousands."""
+        with self._path.open(encoding=self._encoding, newline=None) as file:
+            for line in islice(file, self._dialect.first_row, None):
+                fields = line.split(self._dialect.separator)
+                for text in (fields[i].strip() for i in order if i < len(fields)):
+                    if "," in text and not _THOUSANDS.fullmatch(text):
+                        return True
+        return False
 
     def _load(self, order: Sequence[int], is_plain: bool) -> Floats:
         dialect = self._dialect

@@ -79,6 +79,11 @@ class Test:
     threshold: float
     passed: bool
 
+    @property
+    def excess(self) -> float:
+        """Return how far the value lies from the threshold, in thresholds."""
+        return abs(self.value - self.threshold) / abs(self.threshold) if self.threshold else math.inf
+
 
 def at_least(of: str, name: str, value: float, threshold: float) -> Test:
     """Return the test that a value reaches a threshold."""

@@ -174,8 +174,12 @@ def _reasons(answer: Answer) -> str:
         ),
         BEHIND_ENCODER: "the encoder hides the contact",
     }
-    failed = [sentences[test.name] for test in answer.tests if not test.passed and test.name in sentences]
-    return f": {'; '.join(failed)}" if failed else ""
+    failed = [test.name for test in answer.tests if not test.passed and test.name in sentences]
+    if UNEXPLAINED in failed:
+        failed = [UNEXPLAINED]
+    elif answer.remainder != "none":
+        failed = [name for name in failed if name != OVER_NOISE]
+    return f": {'; '.join(sentences[name] for name in failed)}" if failed else ""
 
 
 def _remainder_in_words(answer: Answer) -> str:

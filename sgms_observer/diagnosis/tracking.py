@@ -128,9 +128,11 @@ class PredictedTracking:
             units: units of the axis.
         """
         limit, fade = (units.readable(one, "N") for one in (compensation.limit, compensation.fade_std))
+        slew = units.readable(compensation.slew_limit, "N/s")
         return (
             f"the compensation gives {100.0 * self.compensated_share:.2g} % of the friction in the predicted tracking:"
-            f" it is limited to compensation.limit, {limit}, and fades with compensation.fade_std, {fade}"
+            f" compensation.limit is {limit}, slew_limit {slew}, and fade_std {fade}; one of them, or"
+            " standstill_velocity, holds it back"
         )
 
     def sentence(self, units: Units) -> str:

@@ -72,9 +72,12 @@ def verdict(outcomes: Sequence[Outcome]) -> str:
         unusable = sum(not outcome.figures["usable"] for outcome in good)
         caution = f" The result of {unusable} must not be used as it is." if unusable else ""
         return f"{start}: {counts}.{caution}"
-    high = [o.name for o in good if any(_nis(axis) > MAX_NIS for axis in o.figures.get("axes", {}).values())]
-    if high:
-        return f"{start}; the model fits badly (NIS above {MAX_NIS:g}) in {len(high)} of them."
+    axes = [list(outcome.figures.get("axes", {}).values()) for outcome in good]
+    high = sum(any(axis["corrections"] and _nis(axis) > MAX_NIS for axis in some) for some in axes)
+    blind = sum(any(not axis["corrections"] for axis in some) for some in axes)
+    if high or blind:
+        badly = f"; the model fits badly (NIS above {MAX_NIS:g}) in {high} of them" if high else ""
+        return f"{start}{badly}{f'; the observer made no correction in {blind} of them' if blind else ''}."
     return f"{start}; the model fits all of them." if good else f"{start}."
 
 

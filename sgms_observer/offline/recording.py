@@ -23,7 +23,7 @@ from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.effort_range import MIN_Z_SCORE, effort_limits
 from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
-from sgms_observer.offline.held_samples import samples_per_change
+from sgms_observer.offline.held_samples import updates_of
 from sgms_observer.offline.jumps import MAX_PAUSE, later_stamps, without_jumps
 from sgms_observer.settings.axis import AxisSettings
 
@@ -207,9 +207,10 @@ def read_recordings(
     for name, samples in BagSamples(path, wanted, topics=topics):
         blocks[name].append(samples)
     second = join_samples(blocks[other.name]) if other is not None else None
-    samples = join_samples(blocks[axis.name])
-    found = at_rate_of_changes(recordings_from_samples(samples, Path(path).name, second, axis.units.position))
-    return replace(found, pieces=tuple(_without_unit_of_log(piece) for piece in found))
+    updates = at_rate_of_changes(join_samples(blocks[axis.name]), Path(path).name)
+    found = recordings_from_samples(updates.samples, Path(path).name, second, axis.units.position)
+    notes = (*found.notes, updates.note) if updates.note else found.notes
+    return Recordings(tuple(_without_unit_of_log(piece) for piece in found), notes)
 
 
 def _without_unit_of_log(piece: Recording) -> Recording:
@@ -512,48 +513,50 @@ def join_samples(blocks: Sequence[Samples]) -> Samples:
     )
 
 
-def at_rate_of_changes(recordings: Recordings) -> Recordings:
-    """Return recordings with each repeated position left out, and a note where there are any.
+@dataclass(frozen=True)
+class Updates:
+    """Samples whose position is an update.
+
+    Attributes:
+        samples: the samples.
+        count: number of recorded samples from one update to the next.
+        note: sentence about what was left out; empty where nothing was.
+    """
+
+    samples: Samples
+    count: int
+    note: str
+
+
+def at_rate_of_changes(samples: Samples, name: str) -> Updates:
+    """Return samples with each repeated position left out.
 
     Args:
-        recordings: evenly sampled pieces.
+        samples: recorded samples of one axis.
+        name: name of the recording.
 
     Raises:
         DataError: the positions change too seldom for an identification.
     """
-    pieces, notes = [], []
-    for piece in recordings:
-        count, first = samples_per_change(piece.position, piece.encoder_step)
-        if count == 1:
-            pieces.append(piece)
-            continue
-        rate = 1.0 / (count * piece.period)
-        if rate < MIN_RATE:
-            raise DataError(
-                f"the position of {piece.name} changes at {rate:.3g} Hz only; record a position that is updated at"
-                f" {MIN_RATE:g} Hz or more"
-            )
-        note = (
-            f"{piece.name}: the position changes with one sample in {count} only; position and effort were read at"
-            f" {rate:.6g} Hz"
+    rows = np.flatnonzero(np.isfinite(samples.position))
+    if len(rows) < MIN_SAMPLES:
+        return Updates(samples, 1, "")
+    position, pauses = samples.position[rows], np.diff(samples.stamp_ns[rows])
+    typical = float(np.median(pauses))
+    if typical <= 0.0 or np.any(pauses < 0):
+        return Updates(samples, 1, "")
+    number = np.concatenate(([0], np.cumsum(np.round(pauses / typical)))).astype(np.int64)
+    count, update_rows = updates_of(number, position, encoder_step(position))
+    if count == 1:
+        return Updates(samples, 1, "")
+    rate = 1.0e9 / (count * typical)
+    if rate < MIN_RATE:
+        raise DataError(
+            f"the position of {name} changes at {rate:.3g} Hz only; record a position that is updated at"
+            f" {MIN_RATE:g} Hz or more"
         )
-        if note not in notes:
-            notes.append(note)
-        if len(piece) >= count * MIN_SAMPLES:
-            pieces.append(_thinned(piece, count, first))
-    if recordings and not pieces:
-        raise DataError(f"no piece holds {MIN_SAMPLES} changes of the position; record longer")
-    return Recordings(tuple(pieces), (*recordings.notes, *notes))
-
-
-def _thinned(piece: Recording, count: int, first: int) -> Recording:
-    """Return one sample in ``count``, from sample ``first`` on."""
-    rows = slice(first, None, count)
-    reference, other = (
-        None if values is None else values[rows] for values in (piece.reference_position, piece.other_position)
+    updated = Samples(*(getattr(samples, one)[rows[update_rows]] for one in Samples.__dataclass_fields__))
+    note = (
+        f"{name}: the position changes with one sample in {count} only; position and effort were read at {rate:.6g} Hz"
     )
-    return replace(
-        piece, period=count * piece.period, position=piece.position[rows], effort=piece.effort[rows],
-        reference_position=reference, other_position=other, start=piece.start + first * piece.period,
-        recorded_step=piece.encoder_step, recorded_limits=piece.effort_limits,
-    )  # fmt: skip
+    return Updates(updated, count, note)

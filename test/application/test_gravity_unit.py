@@ -16,7 +16,6 @@ from sgms_observer.cli.main import main
 PERIOD = 5.0e-3
 TIME = PERIOD * np.arange(6000)
 TURNS, DEGREES = "set joint_type: revolute", "multiply position_scale by 0.01745329252"
-REVOLUTIONS = "multiply position_scale by 6.283185307"
 
 
 def _joint(load: float, spring: float = 0.0) -> tuple[Floats, Floats]:
@@ -44,23 +43,33 @@ def _warnings(folder: Path, position: Floats, effort: Floats, joint_type: str | 
         (1.0, None, TURNS),
         (180.0 / math.pi, "revolute", DEGREES),
         (180.0 / math.pi, None, DEGREES),
-        (10.0 / (2.0 * math.pi), "revolute", DEGREES),  # turns of a motor: the sentence names the gear as well
     ],
 )
 def test_gravity_shows_type_and_unit(tmp_path: Path, scale: float, joint_type: str | None, expected: str) -> None:
     angle, torque = _joint(110.0)
     warnings = _warnings(tmp_path, scale * angle, torque, joint_type)
-    remedies = [text for text in (TURNS, DEGREES, REVOLUTIONS) if any(text in warning for warning in warnings)]
+    remedies = [text for text in (TURNS, DEGREES) if any(text in warning for warning in warnings)]
     assert remedies == ([expected] if expected else [])
 
 
-def test_revolutions_over_a_whole_turn_are_seen(tmp_path: Path) -> None:
-    angle, torque = _joint(110.0)
-    torque += 110.0 * (np.sin(3.0 * angle + 0.4) - np.sin(angle + 0.4)) + 28.0 * np.gradient(
-        np.gradient(angle, PERIOD), PERIOD
-    )
-    warnings = _warnings(tmp_path, 3.0 * angle / (2.0 * math.pi), torque, "revolute")
-    assert any(REVOLUTIONS in warning for warning in warnings)
+@pytest.mark.parametrize("amplitude", [0.6, 1.2, 3.0])
+def test_a_cogging_is_no_gravity_over_revolutions(tmp_path: Path, amplitude: float) -> None:
+    """Six pole pairs make six cycles a turn, about as gravity over an angle in revolutions would."""
+    time = PERIOD * np.arange(6_000)
+    angle = amplitude * np.sin(2.0 * time) + 0.2 * np.sin(7.0 * time)
+    rate = np.gradient(angle, PERIOD)
+    torque = 0.05 * np.gradient(rate, PERIOD) + 0.3 * np.tanh(rate / 0.01) + np.sin(6.0 * angle)
+    assert not any("gravity" in warning for warning in _warnings(tmp_path, angle, torque, "revolute"))
+
+
+@pytest.mark.parametrize("force", ["parabola", "cable"])
+def test_an_even_force_along_a_stroke_is_no_gravity_of_a_joint(tmp_path: Path, force: str) -> None:
+    time = PERIOD * np.arange(6_000)
+    place = 0.8 * np.sin(2.0 * time) + 0.2 * np.sin(7.0 * time)
+    rate = np.gradient(place, PERIOD)
+    even = 80.0 * place**2 if force == "parabola" else 60.0 * np.maximum(place, 0.0)
+    effort = 12.0 * np.gradient(rate, PERIOD) + 4.0 * np.tanh(rate / 0.01) + even
+    assert not any(TURNS in warning for warning in _warnings(tmp_path, place, effort, "prismatic"))
 
 
 @pytest.mark.parametrize(("load", "spring"), [(0.0, 0.0), (0.0, 80.0)])
@@ -71,7 +80,7 @@ def test_no_load_and_a_spring_show_neither(
 ) -> None:
     angle, torque = _joint(load, spring)
     warnings = _warnings(tmp_path, scale * angle, torque, joint_type)
-    assert not any(text in warning for warning in warnings for text in (TURNS, DEGREES, REVOLUTIONS))
+    assert not any(text in warning for warning in warnings for text in (TURNS, DEGREES))
 
 
 def test_init_check_and_identify_warn_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -50,7 +50,7 @@ def formula_for(coordinates: Sequence[str], table: Table, is_held_out: bool = Tr
 def test_a_line_is_found_with_its_slope(is_held_out: bool) -> None:
     found = formula_for(("position",), lambda x: 40.0 * x, is_held_out)
     assert found is not None and found.parameter_count == 2
-    slope = float(re.search(r"\+ (\S+) position \(N, position in m\)$", found.text)[1])  # type: ignore[index]
+    slope = float(re.search(r"\+ (\S+) position \(N, position in m, -?\S+ to \S+\)$", found.text)[1])  # type: ignore[index]
     assert slope == pytest.approx(40.0, rel=0.03)
 
 

@@ -238,7 +238,7 @@ NOWHERE = np.zeros(2)
 )  # fmt: skip
 def test_the_next_experiment_names_a_range_only_where_it_narrows_something(located: list[Located], says: str) -> None:
     found: Any = SimpleNamespace(rounds=())
-    text = next_experiment("unknown_effect", [], located, found, Units(), has_disturbance=False)
+    text = next_experiment("unknown_effect", [], located, found, Units(), True, has_disturbance=False)
     assert text is not None and says in text
 
 
@@ -249,5 +249,5 @@ def test_the_next_experiment_speaks_in_the_units_of_the_joint(coordinate: str, u
     none = np.zeros(2)
     told = Located(coordinate, unit, none, none, none, 0.5, 0.01, 1.0, 2.0)
     found: Any = SimpleNamespace(rounds=())
-    text = next_experiment("unknown_effect", [], [told], found, Units(REVOLUTE), has_disturbance=False)
+    text = next_experiment("unknown_effect", [], [told], found, Units(REVOLUTE), True, has_disturbance=False)
     assert text is not None and said in text

@@ -16,7 +16,7 @@ def answer(verdict: str, **alternatives: tuple[str, ...]) -> Any:
     effects = [
         SimpleNamespace(settings=EffectSettings(name), alternatives=others) for name, others in alternatives.items()
     ]
-    return SimpleNamespace(verdict=verdict, gap=gap, effects=effects, located=(), learnt=())
+    return SimpleNamespace(verdict=verdict, gap=gap, effects=effects, located=(), learnt=(), tests=())
 
 
 def test_names_are_listed_as_a_person_lists_them() -> None:
