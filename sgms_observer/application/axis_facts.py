@@ -9,27 +9,20 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
-from sgms_observer.application.effort_cut_off import cut_off_sentences
+from sgms_observer.application.effort_cut_off import cut_effort_warnings
 from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
 from sgms_observer.application.gravity_unit import GravityUnit, gravity_unit
 from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.source import TopicSurvey
 from sgms_observer.errors import DataError
+from sgms_observer.observer.pairing import MAX_LAG
 from sgms_observer.offline.encoder import encoder_step
 from sgms_observer.offline.jumps import MAX_PAUSE
-from sgms_observer.offline.recording import (
-    Recordings,
-    at_rate_of_changes,
-    join_samples,
-    mean_period,
-    recordings_from_samples,
-)
+from sgms_observer.offline.recording import Recordings, join_samples, mean_period, recordings_from_samples
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import REVOLUTE
 
-MAX_LAG = 0.25
-"""Largest difference of the stamps of a position and its effort, in periods; ``observer.pairing`` has the same."""
 _MAX_PAIRED = 0.1  # share of the positions whose effort has their stamp by chance
 _GAP = 1.5  # periods; in a longer pause at least one sample is missing
 _SPEED_RATE_SHARE = 0.05
@@ -56,6 +49,8 @@ class AxisFacts:
         duplicate_stamps: messages with the stamp of the one before.
         backward_stamps: messages with an earlier stamp than the one before.
         position_range: smallest and largest position, unwrapped where an angle wraps [m or rad].
+        stroke: largest range of one piece [m or rad].
+        recorded_range: range of the positions as they were recorded [m or rad].
         encoder_step: step of the grid of the positions [m or rad]; 0 where there is none.
         position_noise: white noise and steps of the position, standard deviation [m or rad].
         peak_speed: largest speed, low-passed [m/s or rad/s].
@@ -183,11 +178,8 @@ def read_axis_facts(
     finite, driven = position[np.isfinite(position)], given[np.isfinite(given)]
     fault, recordings, effort_period = "", Recordings(()), period
     try:
-        updates = at_rate_of_changes(samples, Path(bag).name)
-        recordings = recordings_from_samples(updates.samples, Path(bag).name, unit=unit or axis.units.position)
-        effort_period = recordings[0].period / updates.count
-        if updates.note:
-            recordings = Recordings(recordings.pieces, (*recordings.notes, updates.note))
+        recordings = recordings_from_samples(samples, Path(bag).name, unit=unit or axis.units.position)
+        effort_period = recordings[0].period / recordings.samples_per_update
     except DataError as error:
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
@@ -225,7 +217,7 @@ def read_axis_facts(
         notes=recordings.notes,
         fault=fault,
         piece_durations=tuple(piece.duration for piece in recordings),
-        cut_off=next(iter(cut_off_sentences(recordings)), ""),
+        cut_off=next(iter(cut_effort_warnings(recordings)), ""),
         gravity=gravity_unit(recordings, balance) if balance is not None else None,
     )
 

@@ -25,6 +25,7 @@ from sgms_observer.diagnosis.compensation_check import (
 )
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.gap import rms
 from sgms_observer.diagnosis.motion import EDGE_TIME, long_enough, motion_of
 from sgms_observer.diagnosis.recorded_controller import RecordedController, recorded_controller
 from sgms_observer.diagnosis.report import Run, diagnosis_page
@@ -124,8 +125,8 @@ class _Loop:
         for axis in (given, augmented):
             if np.all(np.isfinite(runs[0].position)):
                 compensation, friction = _compensation(axis, self.truth, runs[0], period)
-                whole = axis.compensation.gain * _rms(friction[counted])
-                share = _rms(compensation[counted]) / whole if whole > 0.0 else 1.0
+                whole = axis.compensation.gain * rms([friction[counted]])
+                share = rms([compensation[counted]]) / whole if whole > 0.0 else 1.0
                 runs.append(self._run(compensation))
         errors = [(run.position - run.reference_position)[counted] for run in runs]
         if len(errors) < 3 or not all(np.all(np.isfinite(error)) for error in errors):
@@ -195,11 +196,6 @@ def _compensation(axis: AxisSettings, truth: AxisSettings, plain: StageRecord, p
     switched_on = replace(axis.compensation, enabled=True, look_ahead=look_ahead)
     estimates = AxisObserver(replace(axis, compensation=switched_on), period).step(plain.samples)
     return np.concatenate(([0.0], np.nan_to_num(estimates.compensation[:-1]))), np.nan_to_num(estimates.friction)
-
-
-def _rms(force: Floats) -> float:
-    """Return the root mean square of a force [N]."""
-    return float(np.sqrt(np.mean(force**2)))
 
 
 @dataclass(frozen=True)

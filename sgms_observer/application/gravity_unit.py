@@ -17,9 +17,9 @@ from sgms_observer.arrays import Floats
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.units import PRISMATIC, REVOLUTE
 
-RADIANS_PER_UNIT = {"degrees": math.pi / 180.0}
-"""Units of logs beside radians, with the factor to radians. Gravity over revolutions looks like a cogging with six
-cycles a turn, so revolutions are not among them."""
+RADIANS_PER_DEGREE = math.pi / 180.0
+"""Degrees are the one unit beside radians that is looked for: gravity over revolutions looks like a cogging with six
+cycles a turn."""
 _MAX_SQUARED_RATIO = 0.5
 """Largest ratio of the squared residuals of two models, of which one explains decidedly more."""
 _MIN_SINGULAR = 1.0e-4  # of the largest singular value of the scaled columns; below it they are one column
@@ -33,16 +33,16 @@ class GravityUnit:
     Attributes:
         without: rms residual without gravity over the effort's standard deviation [-].
         in_radians: the same with gravity of a position in radians [-].
+        in_degrees: the same with gravity of a position in degrees [-].
         turns: the recording shows gravity of a joint whose angle is in radians.
-        better: unit of ``RADIANS_PER_UNIT`` in which gravity explains decidedly more than in radians; empty without.
-        in_better: share that it leaves unexplained [-]; that in radians without one.
+        is_in_degrees: it shows gravity of a joint whose angle is in degrees.
     """
 
     without: float
     in_radians: float
+    in_degrees: float
     turns: bool
-    better: str
-    in_better: float
+    is_in_degrees: bool
 
 
 def gravity_unit(recordings: Sequence[Recording], balance: ForceBalance) -> GravityUnit:
@@ -58,18 +58,15 @@ def gravity_unit(recordings: Sequence[Recording], balance: ForceBalance) -> Grav
     def residual(*forces: Floats) -> Floats:
         return min((_residual(columns, effort, *forces) for columns in rigid), key=_rms)
 
-    without = residual()
-    centred = position - np.mean(position)
+    without, centred = residual(), position - np.mean(position)
     spring = residual(centred, centred**2)  # gravity over a small angle looks like springs
-    radians = residual(np.sin(position), np.cos(position))
-    best, unit = radians, ""
-    for name, factor in RADIANS_PER_UNIT.items():
-        other = residual(np.sin(factor * position), np.cos(factor * position))
-        if _rms(other) < _rms(best) and _is_surely_smaller(other, spring) and _explains_more(other, radians):
-            best, unit = other, name
-    turns = not unit and _explains_more(radians, without) and _is_surely_smaller(radians, spring)
-    shares = [_rms(residual) / spread if spread > 0.0 else 0.0 for residual in (without, radians, best)]
-    return GravityUnit(shares[0], shares[1], turns, unit, shares[2])
+    radians, degrees = (
+        residual(np.sin(factor * position), np.cos(factor * position)) for factor in (1.0, RADIANS_PER_DEGREE)
+    )
+    is_in_degrees = _is_surely_smaller(degrees, spring) and _explains_more(degrees, radians)
+    turns = not is_in_degrees and _explains_more(radians, without) and _is_surely_smaller(radians, spring)
+    shares = [_rms(left) / spread if spread > 0.0 else 0.0 for left in (without, radians, degrees)]
+    return GravityUnit(shares[0], shares[1], shares[2], turns, is_in_degrees)
 
 
 def gravity_warnings(name: str, gravity: GravityUnit | None, joint_type: str | None) -> list[str]:
@@ -82,18 +79,17 @@ def gravity_warnings(name: str, gravity: GravityUnit | None, joint_type: str | N
     """
     if gravity is None:
         return []
-    left = 100.0 * gravity.in_better
     if gravity.turns and joint_type != REVOLUTE:
         return [
-            f"{name}: with the gravity of a turning joint the balance of forces leaves {left:.3g} % of the effort"
-            f" unexplained, without it {100.0 * gravity.without:.3g} %; if this axis turns, set joint_type: revolute"
-            " (--joint-type revolute)"
+            f"{name}: with the gravity of a turning joint the balance of forces leaves"
+            f" {100.0 * gravity.in_radians:.3g} % of the effort unexplained, without it"
+            f" {100.0 * gravity.without:.3g} %; if this axis turns, set joint_type: revolute (--joint-type revolute)"
         ]
-    if gravity.better and joint_type != PRISMATIC:
+    if gravity.is_in_degrees and joint_type != PRISMATIC:
         return [
             f"{name}: gravity does not act over an angle in radians, which leaves {100.0 * gravity.in_radians:.3g} % of"
-            f" the effort unexplained; in {gravity.better} it leaves {left:.3g} %: multiply position_scale by"
-            f" {RADIANS_PER_UNIT[gravity.better]:.10g}"
+            f" the effort unexplained; in degrees it leaves {100.0 * gravity.in_degrees:.3g} %: multiply position_scale"
+            f" by {RADIANS_PER_DEGREE:.10g}"
         ]
     return []
 

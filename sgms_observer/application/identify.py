@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from sgms_observer.application.effort_cut_off import cut_off_sentences
+from sgms_observer.application.effort_cut_off import cut_effort_warnings
 from sgms_observer.application.force_balance import fit_force_balance
 from sgms_observer.application.gravity_unit import gravity_unit, gravity_warnings
 from sgms_observer.errors import ConfigurationError, RecordingError
@@ -194,7 +194,7 @@ def _identified(
         traces = traces_of(result, axis, pieces, unseen)
         cutoff, unexplained, is_converged = result.cutoff, result.unexplained, result.is_converged
         variation = result.unexplained_variation
-    cut_off = [f"{axis.name}: {sentence}" for sentence in cut_off_sentences(pieces)]
+    cut_off = [f"{axis.name}: {sentence}" for sentence in cut_effort_warnings(pieces)]
     warnings = [f"Warning: {sentence}" for sentence in (*cut_off, *_gravity_warnings(pieces, axis))]
     answer = replace(answer, warnings=(*answer.warnings, *warnings))
     if traces.held_out:

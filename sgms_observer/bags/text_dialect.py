@@ -185,7 +185,7 @@ def _seconds_of_day(text: str) -> float:
 
 
 def _moment(text: str) -> datetime:
-    """Return the moment that an ISO date names; without a zone, as if the clock stood in UTC."""
+    """Return the moment that a date names, ISO, German or American; without a zone, as if the clock stood in UTC."""
     local = _LOCAL_DATE.fullmatch(text)
     if local is not None:
         return _local_moment(local)

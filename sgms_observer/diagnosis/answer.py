@@ -162,7 +162,6 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     if failed:
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
     of_direction = direction_tests(data, final)
-    is_same_both_ways = all(test.passed for test in of_direction)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
     is_learnt = not all(item.is_at_rest or (diagnosis.is_contact_hidden and item.is_of_contact) for item in learnt)
@@ -176,7 +175,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     verdict = verdict_of(
         diagnosis, effects, unnamed_rest, is_learnt, whole, trust, beyond_contact, disturbance is not None
     )
-    is_all_named = unnamed_rest.passed and disturbance is None and is_same_both_ways
+    is_all_named = all(test.passed for test in (unnamed_rest, *of_direction)) and disturbance is None
     everywhere = locate(final.before, data.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
     significant = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +10,7 @@ import numpy as np
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model, hidden_by_encoder
 from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.offline.cut_off_logs import cut_off_logs
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import Units
@@ -107,19 +107,12 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
 
 def cut_off_warnings(records: Sequence[Recording], units: Units) -> tuple[str, ...]:
     """Return a sentence about each log that shows no effort beyond a limit."""
-    found = []
-    for name, (low, high) in dict.fromkeys((record.name, record.effort_limits) for record in records):
-        limits = " and ".join(units.readable(limit, "N") for limit in (low, high) if math.isfinite(limit))
-        if not limits:
-            continue
-        same = [record.effort for record in records if (record.name, record.effort_limits) == (name, (low, high))]
-        effort = np.concatenate(same)
-        share = float(np.mean((effort <= low) | (effort >= high)))
-        found.append(
-            f"the effort of {name} is cut off at {limits}, which {100.0 * share:.2g} % of the samples have: what the"
-            " model needs beyond was not judged. If the drive was not at its limit, log a larger range"
-        )
-    return tuple(found)
+    return tuple(
+        f"the effort of {log.name} is cut off at {' and '.join(units.readable(limit, 'N') for limit in log.limits)},"
+        f" which {100.0 * log.share:.2g} % of the samples have: what the model needs beyond was not judged. If the"
+        " drive was not at its limit, log a larger range"
+        for log in cut_off_logs(records)
+    )
 
 
 def travel_of(motion: Motion) -> float:

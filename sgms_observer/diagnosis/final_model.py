@@ -183,7 +183,8 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
     nothing. What it predicts beside an effect may also be another force over the same coordinates: then the effect has
     to add to such a map. An effect that another contact law can imitate is judged over the coordinates of a contact:
     what they predict may be the contact's, but if it is more than what the effect closes, the effect may be the
-    contact's too. Effects that only describe another contact law are not tested here: see ``answer.answer_of``.
+    contact's too. Several effects over the position are tested together, where each passes alone. Effects that only
+    describe another contact law are not tested here: see ``answer.answer_of``.
 
     Args:
         data: recordings of the gap.
@@ -283,10 +284,9 @@ def constant_force_tests(data: GapData, final: FinalModel, learnt: Sequence[Fitt
         learnt: the learnt maps.
     """
     tests, least = [], data.options.criteria.min_imitable_share
-    for item in final.fit.effects:
-        maps = [one for one in learnt if not one.is_of_contact]
-        if item.name not in CONSTANT_FORCES or item.name not in final.names or not maps:
-            continue
+    maps = [one for one in learnt if not one.is_of_contact]
+    named = [item for item in final.fit.effects if item.name in CONSTANT_FORCES and item.name in final.names]
+    for item in named if maps else ():
         size = item.values[0] * (1.0 if item.name == OFFSET else final.fit.model.friction.coulomb_force)
         lowest = min(one.lowest_force(math.copysign(1.0, size)) for one in maps)
         title = "share of a constant force that acts where the learnt maps beside it are lowest"

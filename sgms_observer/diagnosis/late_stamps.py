@@ -153,6 +153,10 @@ def lag_in_fast_sliding(
     instruments = None
     if len(references) == len(motions):
         instruments = together([instruments_of(*pair) for pair in zip(motions, references, strict=True)])
+    free = count // length - 1 - others.shape[1]  # blocks beyond the fitted lag and forces
+    if free < 1:
+        return None
+    enlarged = stats.t.isf(stats.norm.sf(criteria.min_z_score), free) / criteria.min_z_score
     lag, first = 0.0, together([motion.low_pass(motion.effort) for motion in motions]) - command
     for _ in range(MAX_STEPS):
         now, later = (
@@ -162,17 +166,13 @@ def lag_in_fast_sliding(
         residual, columns = now - command, np.column_stack([(now - later) / LAG_STEP, others])
         if not np.any(columns[:, 0]):
             return None
-        free = count // length - columns.shape[1]
-        if free < 1:
-            return None
         step, error = first_strength(residual, columns, columns if instruments is None else instruments, length)
-        error *= stats.t.isf(stats.norm.sf(criteria.min_z_score), free) / criteria.min_z_score
         lag += float(np.clip(step, -MAX_STEP, MAX_STEP))
         if abs(lag) * records[0].period > EDGE_TIME:
             return None
         if abs(step) < MIN_STEP:
             closed = 1.0 - _squared_beside(others, residual) / max(_squared_beside(others, first), 1.0e-300)
-            return (lag, error) if instruments is not None or closed >= criteria.min_imitable_share else None
+            return (lag, enlarged * error) if instruments is not None or closed >= criteria.min_imitable_share else None
     return None
 
 

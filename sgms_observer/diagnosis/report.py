@@ -185,10 +185,9 @@ def _reasons(answer: Answer) -> str:
 def _remainder_in_words(answer: Answer) -> str:
     """Return what is left beside the named effects as a sentence that follows another one; empty where nothing is."""
     if not answer.learnt:
-        named = {item.settings.name for item in answer.effects}
-        tests = [test for test in answer.tests if test.name == DIFFERS_BY_DIRECTION and test.of in named]
-        names = _listed([test.of.replace("_", " ") for test in tests if not test.passed])
-        return f" Beside {names}, the force along the position differs between the directions." if names else ""
+        failed = [test.of for test in answer.tests if test.name == DIFFERS_BY_DIRECTION and not test.passed]
+        names = _listed([name.replace("_", " ") for name in failed])
+        return f" Beside {names}, the force along the position differs between the directions." if failed else ""
     maps = "a learnt map" if len(answer.learnt) == 1 else "learnt maps"
     left = f"with {maps} of it, {answer.gap_with_learnt:.3g} % is left"
     return f" Beside that, something without a name is missing: {left}."

@@ -75,9 +75,13 @@ def verdict(outcomes: Sequence[Outcome]) -> str:
     axes = [list(outcome.figures.get("axes", {}).values()) for outcome in good]
     high = sum(any(axis["corrections"] and _nis(axis) > MAX_NIS for axis in some) for some in axes)
     blind = sum(any(not axis["corrections"] for axis in some) for some in axes)
-    if high or blind:
-        badly = f"; the model fits badly (NIS above {MAX_NIS:g}) in {high} of them" if high else ""
-        return f"{start}{badly}{f'; the observer made no correction in {blind} of them' if blind else ''}."
+    parts = [start]
+    if high:
+        parts.append(f"the model fits badly (NIS above {MAX_NIS:g}) in {high} of them")
+    if blind:
+        parts.append(f"the observer made no correction in {blind} of them")
+    if len(parts) > 1:
+        return f"{'; '.join(parts)}."
     return f"{start}; the model fits all of them." if good else f"{start}."
 
 

@@ -16,7 +16,8 @@ from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.units import UNSCALED, Scales
 
 CLOCK_RESET_NS = 1_000_000_000  # stamps that jump back further are a restarted clock, not a late message
-_TOLERANCE = 0.25  # largest difference of two stamps of one sample, as a share of the sample period
+MAX_LAG = 0.25
+"""Largest difference of two stamps of one sample, as a share of the sample period."""
 _ROWS = 4096
 _NEVER = -(2**63)
 _NAN = math.nan
@@ -100,7 +101,7 @@ class Pairing:
 
     def __init__(self, sample_period: float, scales: Scales = UNSCALED, *, hold: float = 0.5, most: int = 4096) -> None:
         self._scales = None if scales.are_one else scales
-        self.tolerance_ns = round(_TOLERANCE * sample_period * 1e9)
+        self.tolerance_ns = round(MAX_LAG * sample_period * 1e9)
         self.limit = min(most, max(16, round(hold / sample_period)))
         self.reference_limit = max(8, self.limit // 25)
         self.counts = PairingCounts()

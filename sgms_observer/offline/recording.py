@@ -167,10 +167,12 @@ class Recordings(Sequence[Recording]):
     Attributes:
         pieces: the pieces.
         notes: sentences about what was dropped, interpolated or left out.
+        samples_per_update: number of recorded samples for one of the pieces: a slow bus repeats positions.
     """
 
     pieces: tuple[Recording, ...]
     notes: tuple[str, ...] = field(default=())
+    samples_per_update: int = 1
 
     def __getitem__(self, index):  # type: ignore[no-untyped-def]
         return self.pieces[index]
@@ -207,10 +209,8 @@ def read_recordings(
     for name, samples in BagSamples(path, wanted, topics=topics):
         blocks[name].append(samples)
     second = join_samples(blocks[other.name]) if other is not None else None
-    updates = at_rate_of_changes(join_samples(blocks[axis.name]), Path(path).name)
-    found = recordings_from_samples(updates.samples, Path(path).name, second, axis.units.position)
-    notes = (*found.notes, updates.note) if updates.note else found.notes
-    return Recordings(tuple(_without_unit_of_log(piece) for piece in found), notes)
+    found = recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, second, axis.units.position)
+    return replace(found, pieces=tuple(_without_unit_of_log(piece) for piece in found))
 
 
 def _without_unit_of_log(piece: Recording) -> Recording:
@@ -246,8 +246,10 @@ def recordings_from_samples(
     Raises:
         DataError: if nothing usable is left.
     """
-    continuous = without_jumps(samples, name, unit)
-    samples, cuts, notes = continuous.samples, continuous.cuts_ns, list(continuous.notes)
+    updates = at_rate_of_changes(samples, name)
+    continuous = without_jumps(updates.samples, name, unit)
+    samples, cuts = continuous.samples, continuous.cuts_ns
+    notes = [note for note in (updates.note, *continuous.notes) if note]
     if other is not None:
         of_other = without_jumps(other, f"{name}, other axis", "m or rad")
         other, cuts = of_other.samples, np.sort(np.concatenate((cuts, of_other.cuts_ns)))
@@ -300,7 +302,7 @@ def recordings_from_samples(
             piece = replace(piece, other_position=_other_position(piece, other, reading, origin))
         pieces.append(piece)
     notes += _notes_on_stamps(name, readings)
-    return Recordings(tuple(pieces), tuple(notes))
+    return Recordings(tuple(pieces), tuple(notes), updates.count)
 
 
 def mean_period(pauses: Floats, typical: float) -> float:
@@ -524,8 +526,8 @@ class Updates:
     """
 
     samples: Samples
-    count: int
-    note: str
+    count: int = 1
+    note: str = ""
 
 
 def at_rate_of_changes(samples: Samples, name: str) -> Updates:
@@ -540,15 +542,15 @@ def at_rate_of_changes(samples: Samples, name: str) -> Updates:
     """
     rows = np.flatnonzero(np.isfinite(samples.position))
     if len(rows) < MIN_SAMPLES:
-        return Updates(samples, 1, "")
+        return Updates(samples)
     position, pauses = samples.position[rows], np.diff(samples.stamp_ns[rows])
     typical = float(np.median(pauses))
     if typical <= 0.0 or np.any(pauses < 0):
-        return Updates(samples, 1, "")
+        return Updates(samples)
     number = np.concatenate(([0], np.cumsum(np.round(pauses / typical)))).astype(np.int64)
     count, update_rows = updates_of(number, position, encoder_step(position))
     if count == 1:
-        return Updates(samples, 1, "")
+        return Updates(samples)
     rate = 1.0e9 / (count * typical)
     if rate < MIN_RATE:
         raise DataError(
