@@ -51,27 +51,73 @@ def _correlation_bandwidth(scores: Floats) -> int:
     return int(min(max(np.ceil(1.1447 * (alpha * n) ** (1.0 / 3.0)), 1), max(1, int(_LARGEST_SHARE * n))))
 
 
-def _long_run_covariance(pieces: Sequence[Floats]) -> Floats:
-    """Sum over independent pieces of the scores' long-run covariance times their count (the middle of the sandwich)."""
-    width = pieces[0].shape[1]
-    score_covariance = np.zeros((width, width))
-    for scores in pieces:
-        if not len(scores):  # a piece that is shorter than the filters take to settle
-            continue
-        centred = scores - scores.mean(axis=0)
-        score_covariance += centred.T @ centred
-        lags = _correlation_bandwidth(_unit_columns(centred))
-        for lag in range(1, min(lags, len(centred) - 1) + 1):
-            weight = 1.0 - lag / (lags + 1.0)
-            product = centred[lag:].T @ centred[:-lag]
-            score_covariance += weight * (product + product.T)
-    return score_covariance
+def _long_run_covariance(scores: Floats) -> Floats:
+    """Return the long-run covariance of a piece's scores times their count (its part in the middle of the sandwich).
+
+    Bartlett's weights fall linearly with the lag. So do those of the products of sums over windows of ``lags + 1``
+    rows: the sums give the same covariance in one pass, however long the lag.
+    """
+    width = scores.shape[1]
+    if not len(scores):  # a piece that is shorter than the filters take to settle
+        return np.zeros((width, width))
+    centred = scores - scores.mean(axis=0)
+    lags = _correlation_bandwidth(_unit_columns(centred))
+    nothing = np.zeros((lags + 1, width))
+    cumulated = np.cumsum(np.concatenate([nothing, centred, nothing[1:]]), axis=0)
+    sums = cumulated[lags + 1 :] - cumulated[: -lags - 1]
+    return np.asarray(sums.T @ sums / (lags + 1.0))
 
 
 def _unit_columns(scores: Floats) -> Floats:
     """Return columns scaled to unit variance, so that each counts alike in the choice of the lag."""
     scale = scores.std(axis=0)
     return np.asarray(scores / np.where(scale > 0.0, scale, 1.0))
+
+
+class _Sandwich:
+    """The sums over the rows of all pieces from which the covariances of a least-squares estimate follow.
+
+    Args:
+        width: number of parameters.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._hessian = np.zeros((width, width))
+        self._scores = np.zeros((width, width))
+        self._clusters: list[Floats] = []
+        self._rows = 0
+
+    def add(self, jacobian: Floats, residual: Floats, cluster: Ints) -> None:
+        """Add a piece.
+
+        Args:
+            jacobian: derivative of the residual by the parameters, shape (n, k).
+            residual: shape (n,).
+            cluster: number of the cluster of each row, which no other piece has, shape (n,).
+        """
+        scores = jacobian * residual[:, None]
+        self._hessian += jacobian.T @ jacobian
+        self._scores += _long_run_covariance(scores)
+        self._clusters += [scores[cluster == name].sum(axis=0) for name in np.unique(cluster)]
+        self._rows += len(residual)
+
+    def long_run(self) -> Floats:
+        """Return the covariance for residuals with autocorrelation, shape (k, k); infinite if not identifiable."""
+        return self._covariance(self._scores, self._rows / max(self._rows - len(self._hessian), 1))
+
+    def clustered(self) -> Floats:
+        """Return the covariance for residuals with any correlation within a cluster; infinite if not identifiable.
+
+        Source: Liang and Zeger, Biometrika 73 (1986), with the small-sample factor C / (C - 1).
+        """
+        sums, count = np.array(self._clusters), len(self._clusters)
+        return self._covariance(sums.T @ sums, count / max(count - 1, 1))
+
+    def _covariance(self, scores: Floats, factor: float) -> Floats:
+        scale = np.sqrt(np.diag(self._hessian))
+        scale = np.where(scale > 0.0, scale, 1.0)
+        both = np.outer(scale, scale)
+        return _sandwich(self._hessian / both, scores / both, factor, scale)
 
 
 def least_squares_covariance(jacobians: Sequence[Floats], residuals: Sequence[Floats]) -> Floats:
@@ -84,31 +130,10 @@ def least_squares_covariance(jacobians: Sequence[Floats], residuals: Sequence[Fl
     Returns:
         Covariance, shape (k, k). Directions that are not identifiable have infinite variance.
     """
-    stacked = np.concatenate(list(jacobians))
-    scale = _column_norms(stacked)
-    scaled = [jacobian / scale for jacobian in jacobians]
-    hessian = sum((jacobian.T @ jacobian for jacobian in scaled), np.zeros((stacked.shape[1],) * 2))
-    scores = [jacobian * residual[:, None] for jacobian, residual in zip(scaled, residuals, strict=True)]
-    freedom = len(stacked) / max(len(stacked) - stacked.shape[1], 1)
-    return _sandwich(hessian, _long_run_covariance(scores), freedom, scale)
-
-
-def _clustered_covariance(jacobian: Floats, residual: Floats, cluster: Ints) -> Floats:
-    """Return the sandwich covariance for residuals with any correlation within a cluster; infinite if not identifiable.
-
-    Source: Liang and Zeger, Biometrika 73 (1986), with the small-sample factor C / (C - 1).
-    """
-    scale = _column_norms(jacobian)
-    scaled = jacobian / scale
-    names = np.unique(cluster)
-    sums = np.array([(scaled[cluster == name] * residual[cluster == name, None]).sum(axis=0) for name in names])
-    return _sandwich(scaled.T @ scaled, sums.T @ sums, len(names) / max(len(names) - 1, 1), scale)
-
-
-def _column_norms(jacobian: Floats) -> Floats:
-    """Return the norm of each column, 1 for a column of zeros."""
-    scale = np.linalg.norm(jacobian, axis=0)
-    return np.where(scale > 0.0, scale, 1.0)
+    sandwich = _Sandwich(jacobians[0].shape[1])
+    for number, (jacobian, residual) in enumerate(zip(jacobians, residuals, strict=True)):
+        sandwich.add(jacobian, residual, np.full(len(residual), number))
+    return sandwich.long_run()
 
 
 def _sandwich(hessian: Floats, score_covariance: Floats, factor: float, scale: Floats) -> Floats:
@@ -157,14 +182,11 @@ def confidence_of(
     """
     chosen = list(free)
     value = parameters.vector()
-    pairs = [residual_and_jacobian(piece, parameters, shape) for piece in data]
-    residuals = [residual[mask] for (residual, _), mask in zip(pairs, masks, strict=True)]
-    jacobians = [jacobian[mask][:, chosen] for (_, jacobian), mask in zip(pairs, masks, strict=True)]
-    clusters = [number[mask] for number, mask in zip(chunk_numbers(data, _CLUSTERS), masks, strict=True)]
-    covariances = (
-        least_squares_covariance(jacobians, residuals),
-        _clustered_covariance(np.concatenate(jacobians), np.concatenate(residuals), np.concatenate(clusters)),
-    )
+    sandwich = _Sandwich(len(chosen))
+    for piece, mask, number in zip(data, masks, chunk_numbers(data, _CLUSTERS), strict=True):
+        residual, jacobian = residual_and_jacobian(piece, parameters, shape)
+        sandwich.add(jacobian[mask][:, chosen], residual[mask], number[mask])
+    covariances = (sandwich.long_run(), sandwich.clustered())
     steps = [step_to(other, rows, parameters, shape, chosen) for other, rows in others]
     std_error = np.full(len(value), np.nan)
     std_error[chosen] = np.sqrt(np.max([np.diag(covariance) for covariance in covariances], axis=0))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -126,50 +127,47 @@ def reason_fixed(name: str) -> str:
 
 @dataclass(frozen=True)
 class EffectForce:
-    """The force of the fitted effects along one recording.
+    """The force of the fitted effects along one recording; the motion is differentiated when an effect first needs it.
 
     Attributes:
         compiled: the effects, with a state that fits the period.
         period: time between two samples [s].
-        position, velocity, acceleration: motion, shape (n,).
-        seconds: time since the recording's first sample [s], shape (n,).
+        position: filtered position, shape (n,).
         effort: effort [N], shape (n,).
-        other_velocity, other_acceleration: motion of the other axis, shape (n,).
+        other: position of the other axis, shape (n,), or None.
+        first: time of the first sample since the recording began [s].
     """
 
     compiled: CompiledEffects
     period: float
     position: Floats
-    velocity: Floats
-    acceleration: Floats
-    seconds: Floats
     effort: Floats
-    other_velocity: Floats
-    other_acceleration: Floats
+    other: Floats | None
+    first: float
 
-    @staticmethod
-    def along(
-        settings: Sequence[EffectSettings], period: float, position: Floats, effort: Floats, other: Floats | None,
-        first: float,
-    ) -> EffectForce:  # fmt: skip
-        """Build the terms along a motion.
+    @cached_property
+    def velocity(self) -> Floats:
+        """Velocity, shape (n,)."""
+        return np.asarray(np.gradient(self.position, self.period))
 
-        Args:
-            settings: effects whose force is wanted.
-            period: time between two samples [s].
-            position: filtered position, shape (n,).
-            effort: effort, shape (n,).
-            other: position of the other axis, shape (n,), or None.
-            first: time of the first sample since the recording began [s].
-        """
-        velocity: Floats = np.gradient(position, period)
-        zero = np.zeros(len(position))
-        other_velocity = zero if other is None else np.gradient(other, period)
-        other_acceleration = zero if other is None else np.gradient(other_velocity, period)
-        return EffectForce(
-            CompiledEffects(settings, period), period, position, velocity, np.gradient(velocity, period),
-            np.asarray(first + period * np.arange(len(position))), effort, other_velocity, other_acceleration,
-        )  # fmt: skip
+    @cached_property
+    def acceleration(self) -> Floats:
+        """Acceleration, shape (n,)."""
+        return np.asarray(np.gradient(self.velocity, self.period))
+
+    @cached_property
+    def seconds(self) -> Floats:
+        """Time since the recording's first sample [s], shape (n,)."""
+        return np.asarray(self.first + self.period * np.arange(len(self.position)))
+
+    @cached_property
+    def other_motion(self) -> tuple[Floats, Floats]:
+        """Velocity and acceleration of the other axis, zero without one, shapes (n,)."""
+        if self.other is None:
+            nothing = np.zeros(len(self.position))
+            return nothing, nothing
+        velocity: Floats = np.gradient(self.other, self.period)
+        return velocity, np.asarray(np.gradient(velocity, self.period))
 
     def at(self, values: Floats, level: Floats) -> tuple[Floats, Floats]:
         """Return force [N] and factor on the Stribeck level [-].
@@ -185,7 +183,7 @@ class EffectForce:
             kernels.effects_block(
                 effects.kinds, effects.p_at, effects.s_at, values, effects.initial_state(), effects.user,
                 self.position, self.velocity, self.acceleration, self.seconds, self.effort, periods, level,
-                self.other_velocity, self.other_acceleration, np.zeros(SCRATCH), force, factor,
+                *self.other_motion, np.zeros(SCRATCH), force, factor,
             )  # fmt: skip
         for name, start in zip(effects.names, effects.p_at, strict=False):
             if name in ("mass_error", "flexible_mode"):

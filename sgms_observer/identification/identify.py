@@ -10,14 +10,15 @@ import numpy as np
 from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import Confidence
-from sgms_observer.identification.effect_terms import EffectTerms, reason_fixed
-from sgms_observer.identification.prepared import MIN_PERIODS, prepare_all
+from sgms_observer.identification.effect_terms import EffectTerms, effect_terms, reason_fixed
+from sgms_observer.identification.prepared import MIN_PERIODS, MOST_AT_ONCE, parts_of_long, prepare_all
 from sgms_observer.identification.problem import ElementShape, Parameters
 from sgms_observer.identification.selection import (
     Rows,
     by_deflection,
     choose_count,
     fit_each_count,
+    most_informative,
     needs_negative_delay,
     refine,
     rows_to_use,
@@ -34,7 +35,7 @@ used."""
 OTHER_CORNER = 2.0**-0.5
 """Corner of the second low-pass over that of the band: the fit repeated below it gives the systematic error."""
 _REASON_KEPT = "it acts on the measurement, which a fit could erase; sgms diagnose judges it"
-_SELECTION_TIME_SHARE = 0.8  # of the time, for the choice of the number of elements; used for the progress only
+_SELECTION_TIME_SHARE = 0.8  # of the time of a short log, for the choice of the number of elements; for the progress
 
 
 @dataclass(frozen=True)
@@ -155,6 +156,7 @@ def identify(
     shape = ElementShape.of(axis.friction, options.model)
     band = choose_band(recordings, axis, options.cutoff)
     pieces, notes = long_enough(recordings, OTHER_CORNER * band.corner)
+    pieces = [part for parts in parts_of_long(pieces, band.corner, effect_terms(axis)) for part in parts]
     start = linear_start(pieces, axis, shape, band.corner)
     is_opposed = start.atoms.is_opposed
     if is_opposed:
@@ -164,13 +166,18 @@ def identify(
         raise DataError("these recordings show no friction that follows the motion; check the sign of control_effort")
     data = _rows(pieces, start, band.corner)
     counts = (options.count,) if options.count else tuple(range(1, options.largest_count + 1))
-    fits = fit_each_count(data, start, shape, counts, lambda share: show(_SELECTION_TIME_SHARE * share))
-    show(_SELECTION_TIME_SHARE)
+    few = most_informative(data, start.parameters(2, start.velocity), shape, MOST_AT_ONCE)
+    refining = (1.0 - _SELECTION_TIME_SHARE) * len(data.main) / len(few.main)
+    selected = _SELECTION_TIME_SHARE / (_SELECTION_TIME_SHARE + refining)
+    fits = fit_each_count(few, start, shape, counts, lambda share: show(selected * share))
+    show(selected)
     errors = {count: validation_squares(data, fit.parameters, shape) for count, fit in fits.items()}
     held_out = {count: float(np.sqrt(np.mean(squares))) for count, squares in sorted(errors.items())}
     count = choose_count(errors)
     chosen = by_deflection(fits[count].parameters)
-    refined = refine(data, chosen, shape, start.vector(chosen, axis), lambda: show(0.5 * (_SELECTION_TIME_SHARE + 1.0)))
+    refined = refine(
+        data, chosen, shape, start.vector(chosen, axis), lambda share: show(selected + share * (1.0 - selected))
+    )
     effort = _effort(data)
     return Identification(
         parameters=refined.fit.parameters,

@@ -64,10 +64,11 @@ def linear_effects(data: Sequence[Prepared], terms: EffectTerms, vector: EffectV
         coulomb: Coulomb force of the start settings [N].
     """
     parameters = terms.parameters
-    linear = [n for n in vector.free if parameters[n].is_strength and _is_linear(data[0], vector, n, coulomb)]
+    widest = max(data, key=lambda piece: float(np.ptp(piece.position)))
+    linear = [n for n in vector.free if parameters[n].is_strength and _is_linear(widest, vector, n, coulomb)]
     basic = vector.values.copy()
     basic[linear] = 0.0
-    known = [_known_columns(piece) for piece in data]
+    known = [_known_columns(piece) for piece in data] if linear else []
     base = tuple(_rows(piece, basic, coulomb) for piece in data)
     chosen: list[tuple[int, int | None]] = []
     columns: list[list[Floats]] = []

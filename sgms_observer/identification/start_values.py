@@ -158,10 +158,11 @@ def _start_with(
     """Fit the linear parameters with given effects."""
     data = prepare_all(recordings, cutoff, terms)
     scales = scales_of(data)
-    _check_reversals(data, scales)
+    _check_reversals(recordings, data, scales)
     vector, coulomb = terms.start, axis.friction.coulomb_force
-    level = np.full(len(data[0].position), coulomb)
-    vector = replace(vector, scale=data[0].effects.scales(vector, terms.names, level, scales.effort))
+    widest = max(data, key=lambda piece: float(np.ptp(piece.position)))
+    level = np.full(len(widest.position), coulomb)
+    vector = replace(vector, scale=widest.effects.scales(vector, terms.names, level, scales.effort))
     linear = linear_effects(data, terms, vector, coulomb)
     low, high = (share * scales.top_velocity for share in _V_S_SHARES)
     velocity = min(max(axis.friction.stribeck_velocity, low), high)
@@ -170,19 +171,21 @@ def _start_with(
     return Start(data, terms, linear, atoms, scales, velocity, rate)
 
 
-def _check_reversals(data: Sequence[Prepared], scales: Scales) -> None:
-    """Raise an error if the axis has too few reversals."""
-    reversals = 0
-    for piece in data:
-        turns, extreme, way = 0, float(piece.position[0]), 0
+def _check_reversals(recordings: Sequence[Recording], data: Sequence[Prepared], scales: Scales) -> None:
+    """Raise an error if the axis has too few reversals; parts that were cut from one piece are looked at together."""
+    reversals, extreme, way = 0, 0.0, 0
+    before: Recording | None = None
+    for recording, piece in zip(recordings, data, strict=True):
+        if before is None or not recording.continues(before):
+            extreme, way = float(piece.position[0]), 0
+        before = recording
         for value in piece.position[:: piece.stride]:
             moved = float(value) - extreme
             if way * moved > 0.0:
                 extreme = float(value)
             elif abs(moved) > _REVERSAL_SHARE * scales.travel:
-                turns += way != 0
+                reversals += way != 0
                 extreme, way = float(value), 1 if moved > 0.0 else -1
-        reversals += turns
     if reversals < MIN_REVERSALS:
         raise DataError(
             f"the axis reverses {'once' if reversals else 'never'}: these recordings cannot show its friction, which"

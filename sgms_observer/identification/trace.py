@@ -11,7 +11,7 @@ from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.formulas import vectorised
 from sgms_observer.identification.identify import OTHER_CORNER, Identification, long_enough
 from sgms_observer.identification.least_squares import SYMMETRIC, InverseModelFit, regression
-from sgms_observer.identification.prepared import Prepared, prepare_all
+from sgms_observer.identification.prepared import Prepared, parts_of_long, prepare_all
 from sgms_observer.identification.problem import (
     DELAY,
     MASS,
@@ -63,6 +63,9 @@ class Trace:
     def modelled_friction(self) -> Floats:
         """Return the modelled friction."""
         return self.friction - self.residual
+
+
+_SIGNALS = tuple(name for name in Trace.__dataclass_fields__ if name != "name")
 
 
 @dataclass(frozen=True)
@@ -129,18 +132,33 @@ def traces_of(
         pieces = long_enough(recordings, lowest)[0] if len(recordings) else []
         if result.is_opposed:
             pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
-        return tuple(_trace(piece, result, shape) for piece in prepare_all(pieces, result.cutoff, result.terms))
+        groups = parts_of_long(pieces, result.cutoff, result.terms)
+        prepared = iter(prepare_all([part for parts in groups for part in parts], result.cutoff, result.terms))
+        return tuple(_trace(parts, [next(prepared) for _ in parts], result, shape) for parts in groups)
 
     fitted = traces_of_recordings(learnt, OTHER_CORNER * result.cutoff)  # the fit skipped the shorter pieces
     return Traces(fitted, traces_of_recordings(held_out, result.cutoff), curve)
 
 
-def _trace(piece: Prepared, result: Identification, shape: ElementShape) -> Trace:
-    """Return the trace of one piece."""
+def _trace(
+    parts: Sequence[Recording], pieces: Sequence[Prepared], result: Identification, shape: ElementShape
+) -> Trace:
+    """Return the trace of one piece from its parts, in order of time."""
+    masks = [piece.settled(float(result.parameters.slip_deflection.max())) for piece in pieces]
+    if not any(np.any(mask) for mask in masks):
+        masks = [piece.usable for piece in pieces]
+    found = [_trace_of_part(piece, mask, result, shape) for piece, mask in zip(pieces, masks, strict=True)]
+    if len(found) == 1:
+        return found[0]
+    moved = [replace(one, time=part.start - parts[0].start + one.time) for part, one in zip(parts, found, strict=True)]
+    joined = (np.concatenate([getattr(one, key) for one in moved]) for key in _SIGNALS)
+    return Trace(found[0].name, *joined)
+
+
+def _trace_of_part(piece: Prepared, mask: Booleans, result: Identification, shape: ElementShape) -> Trace:
+    """Return the trace of some rows of a prepared recording."""
     parameters = result.parameters
     scalars = parameters.scalars
-    mask = piece.settled(float(parameters.slip_deflection.max()))
-    mask = mask if np.any(mask) else piece.usable
     effort = piece.effort(np.clip(piece.time - scalars[DELAY], piece.time[0], piece.time[-1]))
     residual = -residual_and_jacobian(piece, parameters, shape)[0]
     coulomb = float(parameters.level.sum())

@@ -62,6 +62,7 @@ class Recording:
         other_position: position of another axis of the same recording [m or rad], shape (n,), or None.
         recorded_step: step of the positions' grid as they were recorded [m or rad]; None finds it in ``position``.
         recorded_limits: limits of the efforts as they were recorded [N or N m]; None finds them in ``effort``.
+        recorded_noise: noise of the positions of the whole piece [m or rad]; None finds it in ``position``.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Recording:
     other_position: Floats | None = None
     recorded_step: float | None = None
     recorded_limits: tuple[float, float] | None = None
+    recorded_noise: float | None = None
 
     def __len__(self) -> int:
         return len(self.position)
@@ -100,7 +102,8 @@ class Recording:
     @cached_property
     def position_noise(self) -> float:
         """Standard deviation of the white part of the position: noise and the encoder's steps [m or rad]."""
-        return position_noise(self.position, self.encoder_step)
+        given = self.recorded_noise
+        return position_noise(self.position, self.encoder_step) if given is None else given
 
     @property
     def whole_reference(self) -> Floats | None:
@@ -131,7 +134,7 @@ class Recording:
             seed: of the noise.
         """
         noise = np.random.default_rng(seed).normal(0.0, self.position_noise, len(self))
-        return replace(self, position=self.position + noise)
+        return replace(self, position=self.position + noise, recorded_noise=None)
 
     def shifted(self, offset: float) -> Recording:
         """Return the recording with its origin of the position elsewhere.
@@ -142,6 +145,32 @@ class Recording:
         reference = None if self.reference_position is None else self.reference_position + offset
         step = self.encoder_step  # of the positions as they were recorded
         return replace(self, position=self.position + offset, reference_position=reference, recorded_step=step)
+
+    def parts(self, count: int) -> list[Recording]:
+        """Return the piece cut into equal parts, which share its encoder step, its noise and its limits of the effort.
+
+        Args:
+            count: number of parts; 1 returns the piece itself.
+        """
+        if count <= 1:
+            return [self]
+        known = replace(
+            self,
+            recorded_step=self.encoder_step,
+            recorded_limits=self.effort_limits,
+            recorded_noise=self.position_noise,
+        )
+        edges = [len(self) * number // count for number in range(count + 1)]
+        return [known.part(a, b) for a, b in pairwise(edges)]
+
+    def continues(self, before: Recording) -> bool:
+        """Return whether the piece begins one sample after another piece ends.
+
+        Args:
+            before: the other piece.
+        """
+        pause = self.start - before.start - before.duration
+        return self.name == before.name and abs(pause) < 0.5 * self.period
 
     def part(self, first: int, last: int) -> Recording:
         """Return some of the samples.

@@ -9,9 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.io import loadmat
+from scipy.signal import lfilter
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.confidence import least_squares_covariance
+from sgms_observer.identification.confidence import (
+    _correlation_bandwidth,
+    _long_run_covariance,
+    least_squares_covariance,
+)
 from sgms_observer.identification.least_squares import ASYMMETRIC, fit_inverse_model, regression
 from sgms_observer.offline.recording import Recording
 
@@ -84,3 +89,16 @@ def test_a_piece_without_rows_has_no_scores() -> None:
         warnings.simplefilter("error")
         covariance = least_squares_covariance([jacobian, jacobian[:0]], [residual, residual[:0]])
     assert np.array_equal(covariance, least_squares_covariance([jacobian], [residual]))
+
+
+def test_long_run_covariance_is_the_sum_over_lags_with_weights_of_bartlett() -> None:
+    rng = np.random.default_rng(4)
+    scores = lfilter([1.0], [1.0, -0.9], rng.normal(size=(500, 3)), axis=0) * [1.0, 1.0e-6, 50.0]
+    centred = scores - scores.mean(axis=0)
+    lags = _correlation_bandwidth(centred / centred.std(axis=0))
+    assert lags > 10
+    expected = centred.T @ centred
+    for lag in range(1, lags + 1):
+        product = centred[lag:].T @ centred[:-lag]
+        expected += (1.0 - lag / (lags + 1.0)) * (product + product.T)
+    assert _long_run_covariance(scores) == pytest.approx(expected, rel=1e-9)
