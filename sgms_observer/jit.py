@@ -76,12 +76,13 @@ _CACHE = _cache_folder()
 
 
 def _file_of(module: str) -> Path | None:
-    """Return the source file of a module of this package, or None for a name that is not a module."""
+    """Return the source file of a module of this package or of a loaded script, or None for any other name."""
     base = _ROOT.joinpath(*module.split("."))
     for path in (base.with_suffix(".py"), base / "__init__.py"):
         if path.is_file():
             return path
-    return None
+    script = getattr(sys.modules.get(module), "__file__", None)
+    return Path(script) if script and Path(script).is_file() else None
 
 
 @cache
@@ -112,8 +113,12 @@ def _sources(module: str) -> tuple[Path, ...]:
 
 @cache
 def _key_of(module: str) -> str:
-    """Return a key that changes whenever the module, or one it imports, does."""
-    digest = hashlib.sha256()
+    """Return a key that changes whenever the module, or one it imports, does.
+
+    The key holds the name too, because a cached kernel belongs to the module that compiled it: a script is ``__main__``
+    where it is run, and has another name where it is imported.
+    """
+    digest = hashlib.sha256(module.encode())
     for path in _sources(module):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
