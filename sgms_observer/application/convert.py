@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sgms_observer.bags.bag_folder import refuse_existing_bag
 from sgms_observer.bags.conversion import Table, choose_window, parse_map, read_table, split_table, write_table
+from sgms_observer.observer.samples import Samples
+from sgms_observer.offline.jumps import without_jumps
 
 REST = "_rest"
 """End of the name of the second bag."""
@@ -103,7 +107,20 @@ def convert(path: Path, columns: Sequence[str], out: str, options: ConvertOption
     topics += ["control_effort"] if table.control_effort is not None else []
     topics += ["reference"] if table.reference is not None else []
     bags = tuple(_written(part, target) for part, target in zip(parts, targets, strict=True))
-    return Converted(bags, tuple(topics), table.notices)
+    return Converted(bags, tuple(topics), (*table.notices, *_jump_notices(table)))
+
+
+def _jump_notices(table: Table) -> list[str]:
+    """Return a sentence about jumps of the position, where there are any: the bag keeps them."""
+    nothing = np.full(table.stamp_ns.size, np.nan)
+    samples = Samples(table.stamp_ns, table.position, nothing, nothing, nothing)
+    findings = without_jumps(samples, "", "m or rad").findings
+    if not findings:
+        return []
+    return [
+        f"{', and '.join(findings)}; the bag keeps the positions as they are: identify and diagnose unwrap them, leave"
+        " out single ones, or cut the recording at a jump"
+    ]
 
 
 def _written(table: Table, path: str) -> WrittenBag:

@@ -11,7 +11,7 @@ from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import Confidence
 from sgms_observer.identification.effect_terms import EffectTerms, effect_terms, reason_fixed
-from sgms_observer.identification.prepared import MIN_PERIODS, MOST_AT_ONCE, parts_of_long, prepare_all
+from sgms_observer.identification.prepared import MIN_PERIODS, MAX_SAMPLES_AT_ONCE, parts_of_long, prepare_all
 from sgms_observer.identification.problem import ElementShape, Parameters
 from sgms_observer.identification.selection import (
     Rows,
@@ -166,7 +166,7 @@ def identify(
         raise DataError("these recordings show no friction that follows the motion; check the sign of control_effort")
     data = _rows(pieces, start, band.corner)
     counts = (options.count,) if options.count else tuple(range(1, options.largest_count + 1))
-    few = most_informative(data, start.parameters(2, start.velocity), shape, MOST_AT_ONCE)
+    few = most_informative(data, start.parameters(2, start.velocity), shape, MAX_SAMPLES_AT_ONCE)
     refining = (1.0 - _SELECTION_TIME_SHARE) * len(data.main) / len(few.main)
     selected = _SELECTION_TIME_SHARE / (_SELECTION_TIME_SHARE + refining)
     fits = fit_each_count(few, start, shape, counts, lambda share: show(selected * share))

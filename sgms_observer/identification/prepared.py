@@ -34,9 +34,9 @@ _COLUMNS = 16  # that are filtered at once
 _WORKING_RATE = 10.0  # samples of the driving position per period of its corner
 _ROW_RATE = 8.0  # rows of the balance per period of its corner
 _BORDER = 4.0  # of the filter's time constants 1/cutoff dropped at either end
-MOST_AT_ONCE = 2**19
+MAX_SAMPLES_AT_ONCE = 2**19
 """Samples at the working rate that a search runs over, and that are filtered whole; longer logs are cut."""
-_MOST_OF_PART = 2**16  # samples at the working rate of a part of a longer log
+_MAX_SAMPLES_OF_PART = 2**16  # samples at the working rate of a part of a longer log
 _TRAVEL_OVER_DEFLECTION = 3.0  # slip deflections of one-way travel after which the unknown initial state has no effect
 
 
@@ -196,7 +196,7 @@ def prepare_all(recordings: Sequence[Recording], cutoff: float, terms: EffectTer
 def parts_of_long(recordings: Sequence[Recording], cutoff: float, terms: EffectTerms) -> list[list[Recording]]:
     """Return the parts into which each piece is cut so that filters and simulation need little memory at once.
 
-    Only a log longer than ``MOST_AT_ONCE`` samples in all is cut. A part begins with unknown elements, as a piece after
+    Only a log longer than ``MAX_SAMPLES_AT_ONCE`` samples in all is cut. A part begins with unknown elements, as a piece after
     a pause does, which costs its first stroke. Effects with a memory keep their pieces whole.
 
     Args:
@@ -206,9 +206,9 @@ def parts_of_long(recordings: Sequence[Recording], cutoff: float, terms: EffectT
     """
     rate = _WORKING_RATE * MOTION_OVER_BALANCE * cutoff
     whole = rate * sum(piece.duration for piece in recordings)
-    if whole <= MOST_AT_ONCE or any(effect(item.name).initial_state for item in terms.fitted):
+    if whole <= MAX_SAMPLES_AT_ONCE or any(effect(item.name).initial_state for item in terms.fitted):
         return [[piece] for piece in recordings]
-    return [piece.parts(math.ceil(rate * piece.duration / _MOST_OF_PART)) for piece in recordings]
+    return [piece.parts(math.ceil(rate * piece.duration / _MAX_SAMPLES_OF_PART)) for piece in recordings]
 
 
 def _upsampled(recording: Recording, rate: float) -> Recording:

@@ -65,6 +65,20 @@ class Rows:
         """Return the rows that are fitted."""
         return [mask & ~validation_mask for mask, validation_mask in zip(self.masks, self.validation_rows, strict=True)]
 
+    def of_pieces(self, numbers: Sequence[int]) -> Rows:
+        """Return some of the pieces, as prepared for the estimate only.
+
+        Args:
+            numbers: of the pieces.
+        """
+        return Rows(
+            [self.main[number] for number in numbers],
+            [self.masks[number] for number in numbers],
+            (),
+            [self.validation_rows[number] for number in numbers],
+            [self.chunks[number] for number in numbers],
+        )
+
 
 def rows_to_use(main: list[Prepared], others: Sequence[list[Prepared]], deflection: float) -> Rows:
     """Return the rows after the elements have forgotten their start, every third chunk for validation.
@@ -123,11 +137,7 @@ def most_informative(data: Rows, parameters: Parameters, shape: ElementShape, mo
             continue
         more = np.linalg.slogdet(found + information[number])[1] - np.linalg.slogdet(found)[1]
         heapq.heappush(waiting, (-float(more) / samples[number], number, len(chosen)))
-    chosen.sort()
-    masks, validation_rows, chunks = (
-        [values[number] for number in chosen] for values in (data.masks, data.validation_rows, data.chunks)
-    )
-    return Rows([data.main[number] for number in chosen], masks, (), validation_rows, chunks)
+    return data.of_pieces(sorted(chosen))
 
 
 def fit_each_count(

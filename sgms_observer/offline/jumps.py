@@ -57,12 +57,14 @@ class Continuous:
     Attributes:
         samples: the samples: unwrapped, and NaN where a single position was wrong.
         cuts_ns: stamps before which the position jumps [ns], in order of time.
-        notes: sentences about the jumps.
+        findings: what the position does, such as ``the position wraps 3 times by 6.28319 rad``.
+        notes: the same as sentences, with the name of the recording and what became of the samples.
     """
 
     samples: Samples
     cuts_ns: Ints
-    notes: tuple[str, ...]
+    findings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def without_jumps(samples: Samples, name: str, unit: str) -> Continuous:
@@ -76,17 +78,18 @@ def without_jumps(samples: Samples, name: str, unit: str) -> Continuous:
     given = np.flatnonzero(np.isfinite(samples.position))
     given = given[later_stamps(samples.stamp_ns[given])]
     if len(given) < _MIN_CHANGES:
-        return Continuous(samples, np.empty(0, dtype=np.int64), ())
+        return Continuous(samples, np.empty(0, dtype=np.int64))
     stamp, position = samples.stamp_ns[given], samples.position[given]
     unwrapped, period, wraps = _unwrapped(position, stamp)
     if not wraps and len(find_jumps(position, stamp)) == 0:
-        return Continuous(samples, np.empty(0, dtype=np.int64), ())
-    notes = []
+        return Continuous(samples, np.empty(0, dtype=np.int64))
+    found_and_done = []
     is_right = _right_samples(unwrapped, stamp)
     if not wraps and not np.all(is_right):
         unwrapped[is_right], period, wraps = _unwrapped(position[is_right], stamp[is_right])
     if wraps:
-        notes.append(f"{name}: the position wraps {wraps} times by {period:.6g} {unit}; it was unwrapped")
+        times = "once" if wraps == 1 else f"{wraps} times"
+        found_and_done.append((f"the position wraps {times} by {period:.6g} {unit}", "it was unwrapped"))
     whole, reference = samples.position.copy(), samples.reference_position
     whole[given] = np.where(is_right, unwrapped, np.nan)
     if wraps:
@@ -94,22 +97,26 @@ def without_jumps(samples: Samples, name: str, unit: str) -> Continuous:
     found, sizes = _jumps(unwrapped[is_right], stamp[is_right])
     cuts = stamp[is_right][found]
     if not np.all(is_right):
-        first = float(stamp[~is_right][0] - stamp[0]) * 1e-9
-        notes.append(
-            f"{name}: {np.count_nonzero(~is_right)} single positions lie far off the motion, the first at {first:.3f}"
-            " s; they count as missing: check the encoder and its cable"
-        )
+        first, wrong = float(stamp[~is_right][0] - stamp[0]) * 1e-9, np.count_nonzero(~is_right)
+        one = f"a single position lies far off the motion, at {first:.3f} s"
+        finding = one if wrong == 1 else f"{wrong} single positions lie far off the motion, the first at {first:.3f} s"
+        done = "it counts as missing" if wrong == 1 else "they count as missing"
+        found_and_done.append((finding, f"{done}: check the encoder and its cable"))
     if len(found):
         listed = [
             f"{size:.4g} {unit} at {(at - stamp[0]) * 1e-9:.3f} s"
             for size, at in zip(sizes[:_NAMED].tolist(), cuts[:_NAMED].tolist(), strict=True)
         ]
         more = f" and {len(cuts) - _NAMED} times more" if len(cuts) > _NAMED else ""
-        notes.append(
-            f"{name}: the position jumps within one sample by {', '.join(listed)}{more}; the recording is cut there:"
-            " home the axis before a recording, and check the encoder"
+        found_and_done.append(
+            (
+                f"the position jumps within one sample by {', '.join(listed)}{more}",
+                "the recording is cut there: home the axis before a recording, and check the encoder",
+            )
         )
-    return Continuous(replace(samples, position=whole, reference_position=reference), cuts, tuple(notes))
+    continuous = replace(samples, position=whole, reference_position=reference)
+    notes = tuple(f"{name}: {finding}; {done}" for finding, done in found_and_done)
+    return Continuous(continuous, cuts, tuple(finding for finding, _done in found_and_done), notes)
 
 
 def later_stamps(stamp_ns: Ints) -> Booleans:

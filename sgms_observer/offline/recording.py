@@ -398,7 +398,7 @@ class _Reading:
         stray: by how many periods stamps stray at most.
         even_times: stamps of its samples, and the even times at which they were taken [s]; None where the signals were
             read at their stamps.
-        missing: number of samples between others that the log lacks.
+        missing: times of the samples between others that the log lacks [s].
     """
 
     period: float
@@ -406,7 +406,7 @@ class _Reading:
     signals: Sequence[Floats]
     stray: float
     even_times: tuple[Floats, Floats] | None = None
-    missing: int = 0
+    missing: Floats = field(default_factory=lambda: np.empty(0))
 
 
 def _even_reading(period: float, seconds: Floats, signals: Sequence[Floats]) -> _Reading:
@@ -418,13 +418,20 @@ def _even_reading(period: float, seconds: Floats, signals: Sequence[Floats]) -> 
     seconds, signals = _without_odd_ends(seconds, signals, period)
     count = round(float(seconds[-1] - seconds[0]) / period) + 1
     grid = seconds[0] + period * np.arange(count)
-    stray = float(np.max(np.abs(grid - seconds))) / period if count == len(seconds) else 1.0
-    if float(np.max(np.abs(np.diff(seconds) - period))) <= _MAX_UNEVEN * period:  # a clock whose rate drifts
-        stray = 0.0
     start = float(seconds[0])
-    if stray <= _MAX_STRAY:
+    if count == len(seconds):
+        number, line = np.arange(float(count)), grid
+    else:
+        number = _sample_numbers((seconds - start) / period)
+        line = np.polyval(np.polyfit(number, seconds, 1), number)
+    stray = float(np.max(np.abs(line - seconds))) / period
+    if float(np.max(np.abs(np.diff(seconds) - period))) <= _MAX_UNEVEN * period:  # a clock whose rate drifts
+        stray, number = 0.0, np.arange(float(len(seconds)))
+    missing = _missing_numbers(number)
+    if stray <= _MAX_STRAY and not len(missing):
         return _Reading(period, start, [np.ascontiguousarray(values, dtype=np.float64) for values in signals], stray)
-    stamped = _Reading(period, start, _interpolated(seconds, signals, np.clip(grid, seconds[0], seconds[-1])), stray)
+    at_grid = _interpolated(seconds, signals, np.clip(grid, seconds[0], seconds[-1]))
+    stamped = _Reading(period, start, at_grid, stray, missing=start + period * missing)
     is_counted = _counted_period(seconds) > 0.0
     number = np.arange(float(len(seconds))) if is_counted else _sample_numbers((seconds - start) / period)
     if np.any(np.diff(number) < 1.0):
@@ -433,11 +440,14 @@ def _even_reading(period: float, seconds: Floats, signals: Sequence[Floats]) -> 
     if not _is_surely_smoother(even[0], stamped.signals[0]):
         return stamped
     period, begin = (float(value) for value in np.polyfit(number, seconds, 1))
-    stray, missing = (
-        float(np.max(np.abs(seconds - begin - period * number))),
-        round(float(number[-1])) + 1 - len(number),
-    )
-    return _Reading(period, begin, even, stray / period, (seconds, begin + period * number), missing)
+    stray = float(np.max(np.abs(seconds - begin - period * number))) / period
+    lacking = begin + period * _missing_numbers(number)
+    return _Reading(period, begin, even, stray, (seconds, begin + period * number), lacking)
+
+
+def _missing_numbers(number: Floats) -> Floats:
+    """Return the numbers between the first and the last one that are not there."""
+    return np.setdiff1d(np.arange(number[-1] + 1.0), number)
 
 
 def _sample_numbers(periods: Floats) -> Floats:
@@ -483,21 +493,22 @@ def _is_surely_smoother(position: Floats, other: Floats) -> bool:
 
 
 def _notes_on_stamps(name: str, readings: Sequence[_Reading]) -> list[str]:
-    """Return sentences about the pieces whose stamps stray."""
+    """Return sentences about the pieces whose stamps stray, and about samples that are missing."""
     notes = []
     for believes in (True, False):
         some = [one for one in readings if (one.even_times is None) is believes]
         stray = max((one.stray for one in some), default=0.0)
-        if stray <= _MAX_STRAY:
-            continue
-        rate = 1.0 / some[0].period
-        if believes:
-            how = f"the signals were interpolated at {rate:.6g} Hz"
-        else:
-            missing = sum(one.missing for one in some)
-            lost = f"; {missing} missing samples were interpolated" if missing else ""
-            how = f"the positions show that the samples were taken evenly, at {rate:.6g} Hz{lost}"
-        notes.append(f"{name}: stamps stray by up to {stray:.2g} periods; {how}")
+        missing = [float(time) for one in some for time in one.missing]
+        if stray > _MAX_STRAY:
+            rate = 1.0 / some[0].period
+            how = "the positions show that the samples were taken evenly, at"
+            how = "the signals were interpolated at" if believes else how
+            notes.append(f"{name}: stamps stray by up to {stray:.2g} periods; {how} {rate:.6g} Hz")
+        if len(missing) == 1:
+            notes.append(f"{name}: one sample is missing, at {missing[0]:.3f} s; it was interpolated")
+        elif missing:
+            first = f"the first at {missing[0]:.3f} s"
+            notes.append(f"{name}: {len(missing)} samples are missing, {first}; they were interpolated")
     return notes
 
 

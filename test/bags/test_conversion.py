@@ -11,6 +11,7 @@ from fresh_file import write_fresh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from sgms_observer.application.convert import ConvertOptions, convert
 from sgms_observer.bags.conversion import open_log, parse_map, read_table, write_table
 from sgms_observer.bags.reader import read_joint_states, read_samples
 from sgms_observer.cli.main import main
@@ -177,3 +178,24 @@ def test_any_file_gives_a_table_or_one_sentence(tmp_path: Path, data: bytes) -> 
             assert "\n" not in str(error)
         else:
             assert np.all(np.diff(table.stamp_ns) > 0)
+
+
+def test_a_position_that_jumps_is_told_in_one_sentence(tmp_path: Path) -> None:
+    """``identify`` and ``diagnose`` tell it; who converts the log still has the machine at hand."""
+    time = np.arange(6000) / 1000.0
+    turning = np.mod(3.0 * time + 0.2 * np.sin(6.0 * time), 2.0 * np.pi)
+    turning[[700, 2500]] += 0.5
+    homed = 0.05 * np.sin(3.0 * time) + 0.113 * (time >= 2.0)
+    kept = "; the bag keeps the positions as they are: identify and diagnose unwrap them, leave out single ones, or cut"
+    kept += " the recording at a jump"
+    wraps = "the position wraps 2 times by 6.28319 m or rad"
+    spikes = "2 single positions lie far off the motion, the first at 0.700 s"
+    for name, position, findings in (
+        ("turning", turning, [f"{wraps}, and {spikes}{kept}"]),
+        ("homed", homed, [f"the position jumps within one sample by 0.113 m or rad at 2.000 s{kept}"]),
+        ("smooth", 0.05 * np.sin(3.0 * time), []),
+    ):
+        log = tmp_path / f"{name}.csv"
+        np.savetxt(log, np.column_stack([time + 1.0, position]), delimiter=",", header="t,q", comments="", fmt="%.9g")
+        converted = convert(log, ["time=t", "position=q"], str(tmp_path / name), ConvertOptions())
+        assert list(converted.notices) == findings

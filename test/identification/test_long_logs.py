@@ -70,9 +70,9 @@ def log() -> Recording:
 def _cut(monkeypatch: pytest.MonkeyPatch) -> int:
     """Let a log of more than 15 s be long."""
     most = 15_000
-    monkeypatch.setattr(prepared, "MOST_AT_ONCE", most)
-    monkeypatch.setattr(prepared, "_MOST_OF_PART", 3_000)
-    monkeypatch.setattr(identify_module, "MOST_AT_ONCE", most)
+    monkeypatch.setattr(prepared, "MAX_SAMPLES_AT_ONCE", most)
+    monkeypatch.setattr(prepared, "_MAX_SAMPLES_OF_PART", 3_000)
+    monkeypatch.setattr(identify_module, "MAX_SAMPLES_AT_ONCE", most)
     return most
 
 

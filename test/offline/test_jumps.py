@@ -149,6 +149,19 @@ def test_single_wrong_positions_are_missing(count: int) -> None:
     )
 
 
+def test_one_wrong_position_and_one_wrap_are_told_in_the_singular() -> None:
+    position = np.round(0.2 + SLOW, 6)
+    position[1234] += 0.5
+    assert without_jumps(samples(position), "log", "m").notes == (
+        "log: a single position lies far off the motion, at 1.234 s; it counts as missing: check the encoder and its"
+        " cable",
+    )
+    turning = np.mod(1.2 * np.arange(COUNT) / 1000.0, 2.0 * np.pi)
+    assert without_jumps(samples(turning), "log", "rad").notes == (
+        "log: the position wraps once by 6.28319 rad; it was unwrapped",
+    )
+
+
 def test_a_counter_wraps_beside_wrong_positions() -> None:
     true = np.floor(30_000.0 * np.arange(COUNT) / 1000.0 + 1.0e4 * SLOW)
     position = np.mod(true, 65_536.0)

@@ -97,12 +97,12 @@ def _strayed(moves: float = 1.0, samples_stray: bool = False) -> Samples:
 @pytest.mark.parametrize("moves", [1.0, 0.2])
 def test_samples_that_were_taken_evenly_are_not_moved_to_stamps_that_stray(moves: float) -> None:
     found = recordings_from_samples(_strayed(moves), "log")
-    (piece,), (note,) = found.pieces, found.notes
+    (piece,), (note, lost) = found.pieces, found.notes
     assert piece.period == pytest.approx(1.0e-3, rel=1.0e-5) and piece.start == pytest.approx(1.0, abs=1.0e-5)
     true = np.sin(2.0 * np.pi * np.minimum(1.0e-3 * np.arange(6000), moves * 5.999))
     assert np.abs(piece.position - true).max() < 1.0e-5  # 2e-3 at the stamps
     assert "the positions show that the samples were taken evenly, at" in note
-    assert note.endswith("; 23 missing samples were interpolated")
+    assert lost == "log: 23 samples are missing, the first at 0.249 s; they were interpolated"
     (coupled,) = recordings_from_samples(_strayed(moves), "log", _strayed(moves)).pieces
     assert coupled.other_position is not None
     assert np.abs(coupled.other_position - true).max() < 5.0e-5  # 2e-3 at the stamps; by straight lines
@@ -140,10 +140,31 @@ def test_the_rate_of_late_stamps_is_right_where_samples_are_missing(lost: float)
 
 def test_samples_that_were_taken_at_their_stamps_are_read_there() -> None:
     found = recordings_from_samples(_strayed(samples_stray=True), "log")
-    (piece,), (note,) = found.pieces, found.notes
-    assert "the signals were interpolated at" in note
+    (piece,), (note, lost) = found.pieces, found.notes
+    assert "the signals were interpolated at" in note and "23 samples are missing" in lost
+    assert 0.02 < float(note.split("by up to ")[1].split(" ")[0]) < 0.5  # ten standard deviations are one period
     true = np.sin(2.0 * np.pi * (piece.start - 1.0 + piece.period * np.arange(len(piece))))
     assert np.abs(piece.position - true)[5:-5].max() < 1.0e-5
+
+
+@pytest.mark.parametrize(
+    ("lost", "note"),
+    [
+        ([3200], "log: one sample is missing, at 3.200 s; it was interpolated"),
+        ([5980], "log: one sample is missing, at 5.980 s; it was interpolated"),
+        ([700, 701, 4000], "log: 3 samples are missing, the first at 0.700 s; they were interpolated"),
+    ],
+)
+def test_a_lost_sample_is_not_jitter(lost: list[int], note: str) -> None:
+    """The note was: stamps stray by up to 1 periods."""
+    kept = np.delete(np.arange(6000), lost)
+    true = 0.05 * np.sin(2.0 * np.pi * 0.5 * 1.0e-3 * np.arange(6000))
+    nothing = np.full(len(kept), np.nan)
+    logged = Samples(1_000_000_000 + 1_000_000 * kept, true[kept], true[kept], nothing, nothing)
+    found = recordings_from_samples(logged, "log")
+    (piece,) = found.pieces
+    assert found.notes == (note,)
+    assert np.abs(piece.position - true).max() < 1.0e-9
 
 
 def test_a_hiccup_leaves_a_short_piece_out_and_goes_on() -> None:
