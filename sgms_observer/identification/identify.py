@@ -11,7 +11,7 @@ from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import Confidence
 from sgms_observer.identification.effect_terms import EffectTerms, effect_terms, reason_fixed
-from sgms_observer.identification.prepared import MIN_PERIODS, MAX_SAMPLES_AT_ONCE, parts_of_long, prepare_all
+from sgms_observer.identification.prepared import MAX_SAMPLES_AT_ONCE, MIN_PERIODS, parts_of_long, prepare_all
 from sgms_observer.identification.problem import ElementShape, Parameters
 from sgms_observer.identification.selection import (
     Rows,

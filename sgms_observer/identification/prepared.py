@@ -196,8 +196,8 @@ def prepare_all(recordings: Sequence[Recording], cutoff: float, terms: EffectTer
 def parts_of_long(recordings: Sequence[Recording], cutoff: float, terms: EffectTerms) -> list[list[Recording]]:
     """Return the parts into which each piece is cut so that filters and simulation need little memory at once.
 
-    Only a log longer than ``MAX_SAMPLES_AT_ONCE`` samples in all is cut. A part begins with unknown elements, as a piece after
-    a pause does, which costs its first stroke. Effects with a memory keep their pieces whole.
+    Only a log longer than ``MAX_SAMPLES_AT_ONCE`` samples in all is cut. A part begins with unknown elements, as a
+    piece after a pause does, which costs its first stroke. Effects with a memory keep their pieces whole.
 
     Args:
         recordings: evenly sampled pieces.
