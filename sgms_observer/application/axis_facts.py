@@ -13,13 +13,12 @@ from sgms_observer.application.effort_cut_off import cut_effort_warnings
 from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
 from sgms_observer.application.gravity_unit import GravityUnit, gravity_unit
 from sgms_observer.arrays import Floats, Ints
-from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.source import TopicSurvey
 from sgms_observer.errors import DataError
 from sgms_observer.observer.pairing import MAX_LAG
 from sgms_observer.offline.encoder import encoder_step
 from sgms_observer.offline.jumps import MAX_PAUSE
-from sgms_observer.offline.recording import Recordings, join_samples, mean_period, recordings_from_samples
+from sgms_observer.offline.recording import Recordings, mean_period, recordings_from_samples, samples_of_bag
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import REVOLUTE
 
@@ -166,11 +165,12 @@ def read_axis_facts(
     Raises:
         RecordingError: the bag cannot be read or lacks a topic or the axis.
     """
-    blocks = read_samples(bag, axis.name, scales=axis.scales, topics=topics, needs_effort=False)
-    samples = join_samples(list(blocks))
+    of_axes, order_notes = samples_of_bag(bag, {axis.name: axis.scales}, topics, needs_effort=False)
+    samples = of_axes[axis.name]
     position, given = samples.position, samples.effort
     stamps = survey.stamps_of(axis.name)
-    pauses = np.diff(stamps) * 1e-9
+    backward = int(np.count_nonzero(np.diff(stamps) < 0))
+    pauses = np.diff(np.sort(stamps) if order_notes else stamps) * 1e-9
     forward = pauses[pauses > 0.0]
     typical = float(np.median(forward)) if forward.size else 0.0
     whole = forward[forward <= _GAP * typical]
@@ -199,7 +199,7 @@ def read_axis_facts(
         gaps=int(np.count_nonzero(forward > _GAP * typical)),
         longest_gap=float(forward.max()) if forward.size else 0.0,
         duplicate_stamps=int(np.count_nonzero(pauses == 0.0)),
-        backward_stamps=int(np.count_nonzero(pauses < 0.0)),
+        backward_stamps=backward,
         position_range=_range(positions),
         stroke=longest,
         recorded_range=float(np.ptp(finite)) if len(finite) else 0.0,
@@ -214,7 +214,7 @@ def read_axis_facts(
         has_reference=bool(np.any(np.isfinite(samples.reference_position))),
         pieces=len(recordings),
         balance=balance,
-        notes=recordings.notes,
+        notes=(*order_notes, *recordings.notes),
         fault=fault,
         piece_durations=tuple(piece.duration for piece in recordings),
         cut_off=next(iter(cut_effort_warnings(recordings)), ""),

@@ -144,7 +144,7 @@ def losses_in(facts: AxisFacts) -> tuple[str, ...]:
     if facts.duplicate_stamps or facts.backward_stamps:
         found.append(
             f"{facts.name}: {facts.duplicate_stamps} stamps repeat the one before and {facts.backward_stamps} step"
-            " back; these samples are not used: stamp each sample when it is taken"
+            " back; the observer does not use these samples: stamp each sample when it is taken"
         )
     return tuple(found)
 

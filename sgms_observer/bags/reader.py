@@ -12,7 +12,7 @@ from sgms_observer.arrays import Floats
 from sgms_observer.bags.blocks import JointStates, MessageBlock, Pattern, decode_joint_states
 from sgms_observer.bags.source import INPUTS, BagReader, find_inputs, find_topic, missing_topic
 from sgms_observer.errors import RecordingError
-from sgms_observer.observer.block_pairing import Messages, push_block
+from sgms_observer.observer.block_pairing import Messages, in_order_of_stamps, push_block
 from sgms_observer.observer.pairing import Pairing, PairingCounts
 from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.units import UNSCALED, ScaledAxes, Scales, scales_by_axis
@@ -37,6 +37,8 @@ class BagSamples:
         topics: names of ``position``, ``control_effort`` and ``reference`` where they differ; position and
             control_effort may be the same topic, and are if the bag has ``joint_states`` and no ``position``.
         needs_effort: refuse a recording without efforts.
+        is_sorted: take messages that came after later ones of their topic in the order of their stamps, all in memory.
+            Otherwise they are left out, as the observer does.
 
     Attributes:
         span_ns: times of the first and the last message of the recording [ns].
@@ -53,7 +55,9 @@ class BagSamples:
         *,
         topics: Mapping[str, str] | None = None,
         needs_effort: bool = True,
+        is_sorted: bool = False,
     ) -> None:
+        self._is_sorted = is_sorted
         self._bag = BagReader(path)
         try:
             self._topics = self._resolve(dict(topics or {}), needs_effort)
@@ -90,14 +94,14 @@ class BagSamples:
         with self._bag:
             for block in self._bag.blocks(wanted):
                 waiting.append({topic: self._decode(block, topic) for topic in wanted})
-                if not self._pairings and not self._start(waiting):
+                if self._is_sorted or (not self._pairings and not self._start(waiting)):
                     continue
                 for decoded in waiting:
                     yield from self._pair(decoded)
                 waiting.clear()
             if waiting:
                 self._start(waiting, is_all=True)
-            for decoded in waiting:
+            for decoded in [_joined(waiting)] if self._is_sorted else waiting:
                 yield from self._pair(decoded)
             for axis, pairing in self._pairings.items():
                 pairing.flush()
@@ -127,7 +131,7 @@ class BagSamples:
         """Push one block's messages and yield what is complete."""
         for axis, pairing in self._pairings.items():
             inputs = [_select(decoded.get(self._topics[name] or "", []), axis, name) for name in INPUTS]
-            push_block(pairing, *inputs)
+            push_block(pairing, *(in_order_of_stamps(inputs) if self._is_sorted else inputs))
             while (samples := pairing.pop()) is not None:
                 yield axis, samples
 
@@ -231,6 +235,17 @@ def read_joint_states(path: str | Path, topic: str) -> JointStates:
         return table[order]
 
     return JointStates(names, stamps, columns("position"), columns("velocity"), columns("effort"), row[order])
+
+
+def _joined(blocks: Sequence[Mapping[str, list[JointStates]]]) -> dict[str, list[JointStates]]:
+    """Return the messages of several blocks as one block; later blocks have higher rows."""
+    joined: dict[str, list[JointStates]] = {}
+    first = 0
+    for decoded in blocks:
+        for topic, groups in decoded.items():
+            joined.setdefault(topic, []).extend(replace(group, row=group.row + first) for group in groups)
+        first = 1 + max((int(group.row[-1]) for groups in joined.values() for group in groups), default=-1)
+    return joined
 
 
 def _select(groups: list[JointStates], axis: str, name: str) -> Messages:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +49,23 @@ class _Queue:
     late: int
     duplicates: int
     invalid: int
+
+
+def in_order_of_stamps(inputs: Sequence[Messages]) -> list[Messages]:
+    """Return the messages of each topic as if they had come in the order of their stamps.
+
+    Args:
+        inputs: positions, efforts and set-points of one axis.
+    """
+    stamps = np.concatenate([messages.stamp_ns for messages in inputs])
+    place = np.empty(stamps.size, np.int64)
+    place[np.argsort(stamps, kind="stable")] = np.arange(stamps.size)  # of equal stamps the position comes first
+    ends = np.cumsum([messages.stamp_ns.size for messages in inputs])
+    found = []
+    for messages, order in zip(inputs, np.split(place, ends[:-1]), strict=True):
+        rows = np.argsort(messages.stamp_ns, kind="stable")
+        found.append(Messages(messages.stamp_ns[rows], order[rows], messages.first[rows], messages.second[rows]))
+    return found
 
 
 def push_block(pairing: Pairing, position: Messages, effort: Messages, reference: Messages) -> None:

@@ -20,12 +20,14 @@ from scipy.interpolate import CubicSpline
 
 from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
+from sgms_observer.observer.pairing import PairingCounts
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.effort_range import MIN_Z_SCORE, effort_limits
 from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
 from sgms_observer.offline.held_samples import updates_of
 from sgms_observer.offline.jumps import MAX_PAUSE, later_stamps, without_jumps
 from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.units import Scales
 
 MIN_SAMPLES = 200
 """Samples of a piece that is worth learning from."""
@@ -231,15 +233,49 @@ def read_recordings(
         RecordingError: the bag cannot be read.
         DataError: it holds nothing to learn from.
     """
+    wanted = {entry.name: entry.scales for entry in (axis, other) if entry is not None}
+    samples, notes = samples_of_bag(path, wanted, topics)
+    second = samples[other.name] if other is not None else None
+    found = recordings_from_samples(samples[axis.name], Path(path).name, second, axis.units.position)
+    pieces = tuple(_without_unit_of_log(piece) for piece in found)
+    return replace(found, pieces=pieces, notes=(*notes, *found.notes))
+
+
+def samples_of_bag(
+    path: str | Path, axes: Mapping[str, Scales], topics: Mapping[str, str] | None, needs_effort: bool = True
+) -> tuple[dict[str, Samples], tuple[str, ...]]:
+    """Return the samples of axes in the order of their stamps, and a note where the messages came in another order.
+
+    A recorder or a network may hand on a message after a later one. A clock that was set back by more than a second is
+    no such disorder: two motions may have the same stamps then.
+
+    Args:
+        path: the bag.
+        axes: names of the axes with their factors from the messages to SI.
+        topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
+        needs_effort: refuse a recording without efforts.
+
+    Raises:
+        RecordingError: the bag cannot be read.
+    """
     from sgms_observer.bags.reader import BagSamples
 
-    wanted = {entry.name: entry.scales for entry in (axis, other) if entry is not None}
-    blocks: dict[str, list[Samples]] = {name: [] for name in wanted}
-    for name, samples in BagSamples(path, wanted, topics=topics):
-        blocks[name].append(samples)
-    second = join_samples(blocks[other.name]) if other is not None else None
-    found = recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, second, axis.units.position)
-    return replace(found, pieces=tuple(_without_unit_of_log(piece) for piece in found))
+    def read(is_sorted: bool) -> tuple[dict[str, Samples], list[PairingCounts]]:
+        blocks: dict[str, list[Samples]] = {name: [] for name in axes}
+        source = BagSamples(path, axes, topics=topics, needs_effort=needs_effort, is_sorted=is_sorted)
+        for name, samples in source:
+            blocks[name].append(samples)
+        return {name: join_samples(found) for name, found in blocks.items()}, list(source.counts.values())
+
+    samples, counts = read(is_sorted=False)
+    late = sum(one.late for one in counts)
+    if not late or any(one.clock_resets or one.stream_resets for one in counts):
+        return samples, ()
+    values = "one value" if late == 1 else f"{late} values"
+    return read(is_sorted=True)[0], (
+        f"{Path(path).name}: {values} of position, control_effort or reference came after a later one; all were sorted"
+        " by their stamps",
+    )
 
 
 def _without_unit_of_log(piece: Recording) -> Recording:
