@@ -204,11 +204,18 @@ def parts_of_long(recordings: Sequence[Recording], cutoff: float, terms: EffectT
         cutoff: corner of the balance's low-pass [Hz].
         terms: effects of the balance.
     """
-    rate = _WORKING_RATE * MOTION_OVER_BALANCE * cutoff
-    whole = rate * sum(piece.duration for piece in recordings)
-    if whole <= MAX_SAMPLES_AT_ONCE or any(effect(item.name).initial_state for item in terms.fitted):
+    samples = [piece.duration * _working_rate(piece.period, cutoff) for piece in recordings]
+    if sum(samples) <= MAX_SAMPLES_AT_ONCE or any(effect(item.name).initial_state for item in terms.fitted):
         return [[piece] for piece in recordings]
-    return [piece.parts(math.ceil(rate * piece.duration / _MAX_SAMPLES_OF_PART)) for piece in recordings]
+    counts = [math.ceil(number / _MAX_SAMPLES_OF_PART) for number in samples]
+    return [piece.parts(count) for piece, count in zip(recordings, counts, strict=True)]
+
+
+def _working_rate(period: float, cutoff: float) -> float:
+    """Return the rate of the simulation [Hz]: that of the samples, upsampled or thinned to a whole ratio."""
+    wanted = _WORKING_RATE * MOTION_OVER_BALANCE * cutoff
+    rate = max(1, math.ceil(wanted * period - 1e-6)) / period
+    return rate / max(1, int(rate / wanted + 1e-6))
 
 
 def _upsampled(recording: Recording, rate: float) -> Recording:
