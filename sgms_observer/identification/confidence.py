@@ -24,7 +24,7 @@ _LARGEST_SHARE = 0.25  # of a piece's length: the longest lag that still has eno
 
 IDENTIFIABLE_WITHIN = 0.05  # largest half interval of an identifiable parameter, as a share of its value
 _QUANTILE = 1.96
-_CLUSTERS = 40
+_CLUSTERS = 40  # in all, of consecutive rows
 _OFFSET_PRECISION = 0.02  # of the Coulomb force: half interval at which an offset of any size is identifiable
 _DELAY_PRECISION = 1.0e-4  # s
 
@@ -84,7 +84,7 @@ class _Sandwich:
     def __init__(self, width: int) -> None:
         self._hessian = np.zeros((width, width))
         self._scores = np.zeros((width, width))
-        self._clusters: list[Floats] = []
+        self._clusters: dict[int, Floats] = {}
         self._rows = 0
 
     def add(self, jacobian: Floats, residual: Floats, cluster: Ints) -> None:
@@ -93,12 +93,13 @@ class _Sandwich:
         Args:
             jacobian: derivative of the residual by the parameters, shape (n, k).
             residual: shape (n,).
-            cluster: number of the cluster of each row, which no other piece has, shape (n,).
+            cluster: number of the cluster of each row, shape (n,).
         """
         scores = jacobian * residual[:, None]
         self._hessian += jacobian.T @ jacobian
         self._scores += _long_run_covariance(scores)
-        self._clusters += [scores[cluster == name].sum(axis=0) for name in np.unique(cluster)]
+        for name in np.unique(cluster).tolist():
+            self._clusters[name] = self._clusters.get(name, 0.0) + scores[cluster == name].sum(axis=0)
         self._rows += len(residual)
 
     def long_run(self) -> Floats:
@@ -110,7 +111,7 @@ class _Sandwich:
 
         Source: Liang and Zeger, Biometrika 73 (1986), with the small-sample factor C / (C - 1).
         """
-        sums, count = np.array(self._clusters), len(self._clusters)
+        sums, count = np.array(list(self._clusters.values())), len(self._clusters)
         return self._covariance(sums.T @ sums, count / max(count - 1, 1))
 
     def _covariance(self, scores: Floats, factor: float) -> Floats:
@@ -183,7 +184,7 @@ def confidence_of(
     chosen = list(free)
     value = parameters.vector()
     sandwich = _Sandwich(len(chosen))
-    for piece, mask, number in zip(data, masks, chunk_numbers(data, _CLUSTERS), strict=True):
+    for piece, mask, number in zip(data, masks, chunk_numbers(masks, _CLUSTERS), strict=True):
         residual, jacobian = residual_and_jacobian(piece, parameters, shape)
         sandwich.add(jacobian[mask][:, chosen], residual[mask], number[mask])
     covariances = (sandwich.long_run(), sandwich.clustered())

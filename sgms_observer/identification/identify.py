@@ -167,7 +167,7 @@ def identify(
     data = _rows(pieces, start, band.corner)
     counts = (options.count,) if options.count else tuple(range(1, options.largest_count + 1))
     few = most_informative(data, start.parameters(2, start.velocity), shape, MAX_SAMPLES_AT_ONCE)
-    refining = (1.0 - _SELECTION_TIME_SHARE) * len(data.main) / len(few.main)
+    refining = (1.0 - _SELECTION_TIME_SHARE) * data.samples / few.samples
     selected = _SELECTION_TIME_SHARE / (_SELECTION_TIME_SHARE + refining)
     fits = fit_each_count(few, start, shape, counts, lambda share: show(selected * share))
     show(selected)

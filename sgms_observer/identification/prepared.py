@@ -15,7 +15,7 @@ import numpy as np
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
-from sgms_observer.arrays import Booleans, Floats
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.errors import DataError
@@ -36,8 +36,10 @@ _ROW_RATE = 8.0  # rows of the balance per period of its corner
 _BORDER = 4.0  # of the filter's time constants 1/cutoff dropped at either end
 MAX_SAMPLES_AT_ONCE = 2**19
 """Samples at the working rate that a search runs over, and that are filtered whole; longer logs are cut."""
-_MAX_SAMPLES_OF_PART = 2**16  # samples at the working rate of a part of a longer log
+_SAMPLES_OF_PART = 2**16  # samples at the working rate after which a longer log is cut at the next long stroke
 _TRAVEL_OVER_DEFLECTION = 3.0  # slip deflections of one-way travel after which the unknown initial state has no effect
+BUILD_UP_SHARE = 0.05
+"""Largest slip deflection of the search over the travel: a friction that builds up over more is a spring, or gravity"""
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,7 @@ class Prepared:
         usable: rows away from the filter's borders.
         effects: force of the file's effects along the motion, at the working rate.
         noise: standard deviation of the white part of the recorded position [m].
+        travel: range of the position of the piece that this part was cut from, or of its own [m].
         unit: of the position, for sentences.
     """
 
@@ -72,6 +75,7 @@ class Prepared:
     usable: Booleans
     effects: EffectForce
     noise: float
+    travel: float
     unit: str = "m"
 
     def low_pass(self, values: Floats) -> Floats:
@@ -86,7 +90,7 @@ class Prepared:
         Args:
             slip_deflection: largest deflection at which an element slips [m].
         """
-        far = np.flatnonzero(self._travel_since_reversal() > _TRAVEL_OVER_DEFLECTION * slip_deflection)
+        far = np.flatnonzero(_travel_since_reversal(self.position)[1] > _TRAVEL_OVER_DEFLECTION * slip_deflection)
         mask = self.usable.copy()
         mask[: (int(far[0]) // self.stride + 1 if len(far) else len(mask))] = False
         return mask
@@ -98,7 +102,7 @@ class Prepared:
             slip_deflection: largest deflection at which an element slips [m].
             clear: time to the nearest reversal, in which the low-pass rings [s].
         """
-        run = np.concatenate(([0.0], self._travel_since_reversal()))
+        run = np.concatenate(([0.0], _travel_since_reversal(self.position)[1]))
         turns = np.flatnonzero(np.diff(np.sign(np.diff(self.position)))) + 1
         near = np.zeros(len(run) + 1)
         width = int(np.ceil(clear / self.period))
@@ -107,19 +111,20 @@ class Prepared:
         is_clear = np.cumsum(near)[:-1] == 0.0
         return np.asarray((is_clear & (run > _TRAVEL_OVER_DEFLECTION * slip_deflection))[:: self.stride])
 
-    def _travel_since_reversal(self) -> Floats:
-        """Return the travel since the last reversal after each step of the working rate [m]."""
-        way = np.sign(np.diff(self.position))
-        turning = np.concatenate(([True], way[1:] != way[:-1]))
-        since = np.maximum.accumulate(np.where(turning, np.arange(len(turning)), 0))
-        return np.asarray(np.abs(self.position[1:] - self.position[since]))
+
+def _travel_since_reversal(position: Floats) -> tuple[Ints, Floats]:
+    """Return the sample of the last reversal before each step, and the travel since it after the step [m]."""
+    way = np.sign(np.diff(position))
+    turning = np.concatenate(([True], way[1:] != way[:-1]))
+    since = np.maximum.accumulate(np.where(turning, np.arange(len(turning)), 0))
+    return since, np.asarray(np.abs(position[1:] - position[since]))
 
 
 def _prepare(recording: Recording, cutoff: float, terms: EffectTerms, first: float) -> Prepared:
     """Return a recording that began at time ``first``, filtered and resampled to the working rate."""
     motion_cutoff = MOTION_OVER_BALANCE * cutoff
     _check(recording, cutoff, motion_cutoff)
-    noise = recording.position_noise
+    noise, travel = recording.position_noise, recording.recorded_travel
     recording = _upsampled(recording, _WORKING_RATE * motion_cutoff)
     rate = 1.0 / recording.period
     transforming = CompiledEffects(terms.transforming, recording.period)
@@ -162,6 +167,7 @@ def _prepare(recording: Recording, cutoff: float, terms: EffectTerms, first: flo
             first,
         ),
         noise=noise,
+        travel=float(np.ptp(driving)) if travel is None else travel,
         unit=terms.unit,
     )
 
@@ -197,7 +203,8 @@ def parts_of_long(recordings: Sequence[Recording], cutoff: float, terms: EffectT
     """Return the parts into which each piece is cut so that filters and simulation need little memory at once.
 
     Only a log longer than ``MAX_SAMPLES_AT_ONCE`` samples in all is cut. A part begins with unknown elements, as a
-    piece after a pause does, which costs its first stroke. Effects with a memory keep their pieces whole.
+    piece after a pause does. So each part but the first begins with a stroke after which every element slips, and costs
+    no more than this stroke. A piece without such strokes stays whole, as all pieces do under effects with a memory.
 
     Args:
         recordings: evenly sampled pieces.
@@ -207,8 +214,31 @@ def parts_of_long(recordings: Sequence[Recording], cutoff: float, terms: EffectT
     samples = [piece.duration * _working_rate(piece.period, cutoff) for piece in recordings]
     if sum(samples) <= MAX_SAMPLES_AT_ONCE or any(effect(item.name).initial_state for item in terms.fitted):
         return [[piece] for piece in recordings]
-    counts = [math.ceil(number / _MAX_SAMPLES_OF_PART) for number in samples]
-    return [piece.parts(count) for piece, count in zip(recordings, counts, strict=True)]
+    return [_cut(piece, cutoff, math.ceil(n / _SAMPLES_OF_PART)) for piece, n in zip(recordings, samples, strict=True)]
+
+
+def _cut(recording: Recording, cutoff: float, count: int) -> list[Recording]:
+    """Return about ``count`` parts of a piece, each of which but the first begins with a long stroke.
+
+    A stroke is long that makes the softest element slip which the search allows. Where no stroke is so long, the
+    longest ones have to do: a stroke of half of the longest one is long then.
+    """
+    if count <= 1:
+        return [recording]
+    _check(recording, cutoff, MOTION_OVER_BALANCE * cutoff)
+    low_pass = _low_pass(MOTION_OVER_BALANCE * cutoff, 1.0 / recording.period)
+    position = np.asarray(zero_phase(low_pass, recording.position))
+    since, run = _travel_since_reversal(position)
+    travel = float(np.ptp(position))
+    enough = min(_TRAVEL_OVER_DEFLECTION * BUILD_UP_SHARE * travel, 0.5 * float(run.max()))
+    strokes = np.unique(since[run > enough])
+    shortest = len(recording) // count
+    first: list[int] = []
+    while True:
+        place = int(np.searchsorted(strokes, (first[-1] if first else 0) + shortest))
+        if place == len(strokes) or strokes[place] > len(recording) - shortest // 2:
+            return recording.parts(first, travel)
+        first.append(int(strokes[place]))
 
 
 def _working_rate(period: float, cutoff: float) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sgms_observer.arrays import Floats, Ints
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.formulas import vectorised
 from sgms_observer.friction.gms import gms_step_with_slopes
 from sgms_observer.friction.sgms import sgms_step_with_slopes
@@ -351,17 +351,17 @@ def _inner_force(data: Prepared, parameters: Parameters, shape: ElementShape) ->
     return friction + force, slopes, rate, by_effects
 
 
-def chunk_numbers(data: Sequence[Prepared], count: int) -> list[Ints]:
-    """Number the rows of all recordings by chunks of equal duration.
+def chunk_numbers(masks: Sequence[Booleans], count: int) -> list[Ints]:
+    """Number the rows of all recordings by consecutive chunks that hold equal numbers of the rows to use.
+
+    Args:
+        masks: rows to use of each recording, one at least in all.
+        count: number of chunks.
 
     Returns:
-        Chunk number of each row, per recording; numbers do not repeat between recordings.
+        Chunk number of each row, from 0, per recording; a chunk may end in the next recording.
     """
-    total = sum(float(piece.time[-1]) for piece in data)
-    numbers = []
-    first = 0
-    for piece in data:
-        chunk_count = max(1, round(count * float(piece.time[-1]) / total))
-        numbers.append(first + np.minimum(np.arange(len(piece.time)) * chunk_count // len(piece.time), chunk_count - 1))
-        first += chunk_count
-    return numbers
+    used = np.concatenate(list(masks))
+    place = np.maximum(np.cumsum(used) - 1, 0)
+    numbers = place * count // max(int(np.count_nonzero(used)), 1)
+    return np.split(numbers, np.cumsum([len(mask) for mask in masks])[:-1])

@@ -9,7 +9,7 @@ import numpy as np
 
 from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.errors import DataError
-from sgms_observer.identification.prepared import Prepared
+from sgms_observer.identification.prepared import BUILD_UP_SHARE, Prepared
 from sgms_observer.identification.problem import (
     DELAY,
     ELEMENTS,
@@ -31,7 +31,6 @@ _NOISES = 1.5
 """Smallest slip deflection over the position noise: an element that slips earlier looks like a step."""
 _FINEST = 1.0e-7
 """The same over the travel, for recordings without noise; it bounds the size of the problem."""
-_BUILD_UP_SHARE = 0.05  # of the travel: a friction that builds up over more is a spring, or gravity
 _SHARES = (1.0e-6, 1.0e2)
 """Smallest and largest mass and viscous coefficient, over the values that would need the whole effort."""
 _LOWEST = {RHO: 1.0, RATE: 1e-2}
@@ -57,7 +56,7 @@ class Scales:
         velocity: rms velocity [m/s].
         top_velocity: largest velocity [m/s].
         acceleration: rms acceleration [m/s^2].
-        travel: longest travel within one piece [m].
+        travel: largest range of the position within one piece, before it was cut into parts [m].
         smallest: smallest slip deflection above the position noise [m].
         period: longest sample period of the simulation [s].
     """
@@ -73,7 +72,7 @@ class Scales:
     @property
     def largest(self) -> float:
         """Largest slip deflection of the search [m]."""
-        return max(_BUILD_UP_SHARE * self.travel, 10.0 * self.smallest)
+        return max(BUILD_UP_SHARE * self.travel, 10.0 * self.smallest)
 
     @property
     def mass(self) -> float:
@@ -92,7 +91,7 @@ def scales_of(data: Sequence[Prepared]) -> Scales:
     Raises:
         DataError: if the axis hardly moves, or the effort is zero.
     """
-    travel = max(float(np.ptp(piece.position)) for piece in data)
+    travel = max(piece.travel for piece in data)
     noise = min(piece.noise for piece in data)
     smallest = max(_NOISES * noise, _FINEST * travel)
     if not travel >= MIN_STEPS_OF_TRAVEL * smallest or travel <= 0.0:

@@ -30,7 +30,7 @@ from sgms_observer.identification.problem import (
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.start_values import Start, cluster
 
-_CHUNKS = 30  # of equal duration; every third is for validation and is not fitted
+_CHUNKS = 30  # of equal numbers of rows; every third is for validation and is not fitted
 _MIN_ROWS = 500
 NEGLIGIBLE_EXCESS = 0.04  # relative excess of the mean squared error for which no further element is added
 _MIN_INFORMATION = 1.0e-6  # of the information of all pieces, that a choice of pieces begins with
@@ -59,6 +59,11 @@ class Rows:
     others: tuple[tuple[list[Prepared], list[Booleans]], ...]
     validation_rows: list[Booleans]
     chunks: list[Ints]
+
+    @property
+    def samples(self) -> int:
+        """Return the number of samples that the model is simulated at."""
+        return sum(len(piece.position) for piece in self.main)
 
     @property
     def fit_rows(self) -> list[Booleans]:
@@ -97,14 +102,14 @@ def rows_to_use(main: list[Prepared], others: Sequence[list[Prepared]], deflecti
             f"these recordings never slide {3.0 * deflection:.2g} {main[0].unit} in one direction, which the elements"
             " need to forget how they started; record longer strokes (sgms excite)"
         )
-    chunks = chunk_numbers(main, _CHUNKS)
+    chunks = chunk_numbers(masks, _CHUNKS)
     validation_rows = [number % 3 == 2 for number in chunks]
     with_masks = tuple((other, [piece.settled(deflection) for piece in other]) for other in others)
     return Rows(main, masks, with_masks, validation_rows, chunks)
 
 
 def most_informative(data: Rows, parameters: Parameters, shape: ElementShape, most: int) -> Rows:
-    """Return the pieces whose fitted rows tell most about the parameters together, for a search that takes less time.
+    """Return the pieces whose fitted rows hold the most information about the parameters, for a faster search.
 
     The pieces are those of a greedy D-optimal design: each next one adds most to the logarithm of the determinant of
     the information matrix, for each of its samples. A piece at rest, or one that repeats others, adds little.
@@ -116,7 +121,7 @@ def most_informative(data: Rows, parameters: Parameters, shape: ElementShape, mo
         most: number of samples at the working rate up to which pieces are taken; all pieces where they hold no more.
     """
     samples = [len(piece.position) for piece in data.main]
-    if sum(samples) <= most:
+    if data.samples <= most:
         return data
     free = parameters.free((RELAXATION,), shape.is_gms)
     information = []
@@ -126,18 +131,19 @@ def most_informative(data: Rows, parameters: Parameters, shape: ElementShape, mo
     scale = np.sqrt(np.maximum(np.diag(np.sum(information, axis=0)), 1e-300))
     information = [matrix / np.outer(scale, scale) for matrix in information]
     found = _MIN_INFORMATION * np.eye(len(free))
-    waiting = [(-math.inf, number, -1) for number in range(len(samples))]  # minus the gain, and of how many pieces
+    # Of each piece that is not chosen: minus its gain per sample, its number, and how many were chosen at that time.
+    waiting = [(-math.inf, number, -1) for number in range(len(samples))]
     chosen: list[int] = []
     while waiting and sum(samples[number] for number in chosen) < most:
-        gain, number, known = heapq.heappop(waiting)
-        if known == len(chosen):  # no other piece gains more: gains fall with every piece that is taken
-            if gain < 0.0:
+        negative_gain, number, known = heapq.heappop(waiting)
+        if known == len(chosen):  # no other piece has a larger gain: gains fall with every piece that is chosen
+            if negative_gain < 0.0:
                 chosen.append(number)
                 found = found + information[number]
             continue
         more = np.linalg.slogdet(found + information[number])[1] - np.linalg.slogdet(found)[1]
         heapq.heappush(waiting, (-float(more) / samples[number], number, len(chosen)))
-    return data.of_pieces(sorted(chosen))
+    return data.of_pieces(sorted(chosen)) if chosen else data
 
 
 def fit_each_count(
@@ -182,14 +188,15 @@ def validation_squares(data: Rows, parameters: Parameters, shape: ElementShape) 
         parameters: the model.
         shape: kind of model and its smoothing.
     """
-    out: list[float] = []
+    squares, counts = np.zeros(_CHUNKS), np.zeros(_CHUNKS)
     for piece, mask, validation_rows, chunk in zip(
         data.main, data.masks, data.validation_rows, data.chunks, strict=True
     ):
         residual, _jacobian = residual_and_jacobian(piece, parameters, shape)
         rows = mask & validation_rows
-        out.extend(float(np.mean(residual[rows & (chunk == name)] ** 2)) for name in np.unique(chunk[rows]))
-    return np.array(out)
+        squares += np.bincount(chunk[rows], residual[rows] ** 2, _CHUNKS)
+        counts += np.bincount(chunk[rows], minlength=_CHUNKS)
+    return np.asarray(squares[counts > 0.0] / counts[counts > 0.0])
 
 
 def choose_count(errors: dict[int, Floats]) -> int:

@@ -221,11 +221,11 @@ def _fit(
 ) -> Atoms:
     """Solve the convex problem on one grid, once elements up to deflection ``forgotten`` have forgotten their start."""
     rows, efforts = [], []
-    for piece, base, added in zip(data, terms.base, terms.columns, strict=True):
-        mask = piece.settled(forgotten)
-        if not np.any(mask):
-            mask = piece.usable
-        stride = max(1, int(mask.sum()) * len(data) // _ROWS)
+    masks = [piece.settled(forgotten) for piece in data]
+    if not any(np.any(mask) for mask in masks):
+        masks = [piece.usable for piece in data]
+    stride = max(1, sum(int(mask.sum()) for mask in masks) // _ROWS)
+    for piece, mask, base, added in zip(data, masks, terms.base, terms.columns, strict=True):
         rows.append(_columns(piece, shape, grid, stribeck_velocity, added)[mask][::stride])
         efforts.append((piece.effort(piece.time) - base)[mask][::stride])
     matrix, effort = np.concatenate(rows), np.concatenate(efforts)

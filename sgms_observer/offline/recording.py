@@ -65,6 +65,7 @@ class Recording:
         recorded_step: step of the positions' grid as they were recorded [m or rad]; None finds it in ``position``.
         recorded_limits: limits of the efforts as they were recorded [N or N m]; None finds them in ``effort``.
         recorded_noise: noise of the positions of the whole piece [m or rad]; None finds it in ``position``.
+        recorded_travel: range of the positions of the piece that it was cut from [m or rad]; None: it was not cut.
     """
 
     name: str
@@ -77,6 +78,7 @@ class Recording:
     recorded_step: float | None = None
     recorded_limits: tuple[float, float] | None = None
     recorded_noise: float | None = None
+    recorded_travel: float | None = None
 
     def __len__(self) -> int:
         return len(self.position)
@@ -148,22 +150,23 @@ class Recording:
         step = self.encoder_step  # of the positions as they were recorded
         return replace(self, position=self.position + offset, reference_position=reference, recorded_step=step)
 
-    def parts(self, count: int) -> list[Recording]:
-        """Return the piece cut into equal parts, which share its encoder step, its noise and its limits of the effort.
+    def parts(self, first: Sequence[int], travel: float) -> list[Recording]:
+        """Return the parts of the piece, which share its encoder step, its noise and its limits of the effort.
 
         Args:
-            count: number of parts; 1 returns the piece itself.
+            first: number of the first sample of each part but the first one, ascending; the piece itself without any.
+            travel: range of the positions of the piece [m or rad].
         """
-        if count <= 1:
+        if not len(first):
             return [self]
         known = replace(
             self,
             recorded_step=self.encoder_step,
             recorded_limits=self.effort_limits,
             recorded_noise=self.position_noise,
+            recorded_travel=travel,
         )
-        edges = [len(self) * number // count for number in range(count + 1)]
-        return [known.part(a, b) for a, b in pairwise(edges)]
+        return [known.part(a, b) for a, b in pairwise([0, *first, len(self)])]
 
     def continues(self, before: Recording) -> bool:
         """Return whether the piece begins one sample after another piece ends.
