@@ -1,7 +1,8 @@
 """Access to numba: compiled kernels where numba is installed, the same Python code where it is not.
 
-Kernels are cached on disk, each under a key of its module and of every module of the package that it imports. So a
-changed formula is never loaded from an old cache (numba itself checks only the file of the kernel).
+Kernels are cached on disk, each under a key of its module, of the package or a script, and of every module of the
+package that it imports. So a changed formula is never loaded from an old cache (numba itself checks only the file of
+the kernel).
 """
 
 from __future__ import annotations

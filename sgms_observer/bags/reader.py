@@ -101,8 +101,10 @@ class BagSamples:
                 waiting.clear()
             if waiting:
                 self._start(waiting, is_all=True)
-            for decoded in [_joined(waiting)] if self._is_sorted else waiting:
-                yield from self._pair(decoded)
+            if self._is_sorted:
+                waiting = [_joined(waiting)]
+            while waiting:
+                yield from self._pair(waiting.pop(0))
             for axis, pairing in self._pairings.items():
                 pairing.flush()
                 while (samples := pairing.pop()) is not None:
@@ -244,7 +246,7 @@ def _joined(blocks: Sequence[Mapping[str, list[JointStates]]]) -> dict[str, list
     for decoded in blocks:
         for topic, groups in decoded.items():
             joined.setdefault(topic, []).extend(replace(group, row=group.row + first) for group in groups)
-        first = 1 + max((int(group.row[-1]) for groups in joined.values() for group in groups), default=-1)
+        first += 1 + max((int(group.row[-1]) for groups in decoded.values() for group in groups), default=-1)
     return joined
 
 

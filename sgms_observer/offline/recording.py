@@ -249,8 +249,8 @@ def samples_of_bag(
 ) -> tuple[dict[str, Samples], tuple[str, ...]]:
     """Return the samples of axes in the order of their stamps, and a note where the messages came in another order.
 
-    A recorder or a network may hand on a message after a later one. A clock that was set back by more than a second is
-    no such disorder: two motions may have the same stamps then.
+    A recorder or a network may hand on a message after a later one. Where stamps step back by more than a second, two
+    motions may have the same stamps: nothing is sorted then, and the note counts what is lost.
 
     Args:
         path: the bag.
@@ -272,13 +272,33 @@ def samples_of_bag(
 
     samples, counts = read(is_sorted=False)
     late = sum(one.late for one in counts)
-    if not late or any(one.clock_resets or one.stream_resets for one in counts):
+    if any(one.clock_resets or one.stream_resets for one in counts):
+        return samples, (f"{Path(path).name}: {_loss_by_resets(counts)}",)
+    if not late:
         return samples, ()
+    del samples  # before the recording is read again
     values = "one value" if late == 1 else f"{late} values"
     return read(is_sorted=True)[0], (
         f"{Path(path).name}: {values} of position, control_effort or reference came after a later one; all were sorted"
-        " by their stamps",
+        " by their stamps; where there are many, check for two publishers of one topic",
     )
+
+
+def _loss_by_resets(counts: Sequence[PairingCounts]) -> str:
+    """Return what was lost where stamps step back by more than a second."""
+    resets = max(one.clock_resets + one.stream_resets for one in counts)  # axes share their topics
+    losses = (
+        (sum(one.late for one in counts), "values that came after a later one and were dropped"),
+        (sum(one.missing_efforts for one in counts), "positions without a control_effort of the same time"),
+        (sum(one.unmatched_efforts for one in counts), "control_efforts without a position of the same time"),
+        (sum(one.unmatched_references for one in counts), "references without a position of the same time"),
+    )
+    return "; ".join((
+        f"the stamps of a topic step back by more than a second {'once' if resets == 1 else f'{resets} times'}, so that"
+        " no message was sorted",
+        *(f"{text}: {count}" for count, text in losses if count),
+        "check the clock, and the driver for single wrong stamps",
+    ))  # fmt: skip
 
 
 def _without_unit_of_log(piece: Recording) -> Recording:
