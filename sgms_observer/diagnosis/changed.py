@@ -61,7 +61,7 @@ def changed_values(diagnosis: Diagnosis, fit: Refit, options: Options) -> tuple[
     old, new = diagnosis.nominal.friction, fit.model.friction
     names = [name for name in fit.model.parameter_names() if not name.startswith("element")]
     for place, name in enumerate(names):
-        if not freedom.friction or name == "mass":
+        if name not in freedom.friction:
             continue
         one, other = float(getattr(old, name)), float(getattr(new, name))
         error = float(errors[place])

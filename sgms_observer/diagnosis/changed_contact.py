@@ -8,7 +8,7 @@ import numpy as np
 
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.contact_start import contact_start
-from sgms_observer.diagnosis.fit import Refit, RefitSetup
+from sgms_observer.diagnosis.fit import FRICTION_VALUES, Refit, RefitSetup
 from sgms_observer.diagnosis.search import CONTACT_SHARE
 
 MAX_DEFLECTION_RATIO = 10.0
@@ -28,10 +28,10 @@ def freed_setup(setup: RefitSetup, name: str) -> RefitSetup:
         name: one of ``CHANGE_HYPOTHESES``.
     """
     if name == CHANGE_HYPOTHESES[0]:
-        return replace(setup, freedom=replace(setup.freedom, friction=True))
+        return replace(setup, freedom=replace(setup.freedom, friction=FRICTION_VALUES))
     if name == CHANGE_HYPOTHESES[1]:
         model = setup.nominal.with_log_spaced_elements(*deflections(setup))
-        return replace(setup, nominal=model, freedom=replace(setup.freedom, friction=True, elements=True))
+        return replace(setup, nominal=model, freedom=replace(setup.freedom, friction=FRICTION_VALUES, elements=True))
     if name == CHANGE_HYPOTHESES[2]:
         return replace(setup, nominal=replace(setup.nominal, is_unsmoothed=True))
     whole = with_damping(freed_setup(setup, CHANGE_HYPOTHESES[1]))

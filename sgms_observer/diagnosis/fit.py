@@ -20,6 +20,7 @@ from sgms_observer.diagnosis.model import (
     DAMPING,
     PERIODIC_DISTURBANCE,
     PHASE,
+    SCALAR_PARAMETERS,
     STATIC,
     Model,
     with_phases_of,
@@ -58,6 +59,8 @@ MAX_EVALUATIONS = 12
 """Evaluated models of a fit that is compared with others: on another contact law the cost decreases slowly."""
 WRITTEN_EVALUATIONS = 100
 """Evaluated models of a fit that is written, after which it ends anyway."""
+FRICTION_VALUES = frozenset((*SCALAR_PARAMETERS, "attraction_rate")) - {"mass"}
+"""Names of the friction values that a change of the contact frees."""
 BOUND_TOLERANCE = 1.0e-6
 """Distance from a bound, relative where the bound exceeds 1, below which a coordinate counts as at it."""
 
@@ -67,12 +70,12 @@ class Freedom:
     """Values of the file that the fit may move beyond the tolerance.
 
     Attributes:
-        friction: viscous, Coulomb and static force, Stribeck velocity, attraction rate.
+        friction: names of friction values, any of ``FRICTION_VALUES``.
         elements: stiffness and share of the elements.
         has_narrow_elements: whether elements that are not free have the tolerance of the other values.
     """
 
-    friction: bool = False
+    friction: frozenset[str] = frozenset()
     elements: bool = False
     has_narrow_elements: bool = False
 
@@ -98,7 +101,7 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
                 else (1.0 if freedom.has_narrow_elements else ELEMENT_TOLERANCE_RATIO) * one
             )
         else:
-            widths.append(FREED_FRICTION if freedom.friction and name != "mass" else one)
+            widths.append(FREED_FRICTION if name in freedom.friction else one)
     return np.array(widths)
 
 
@@ -109,9 +112,7 @@ def limits(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floa
     """
     free = 3.0 * prior_widths(model, tolerance, freedom)
     one = np.log1p(tolerance)
-    is_held = [
-        not (name.startswith("element") or (freedom.friction and name != "mass")) for name in model.parameter_names()
-    ]
+    is_held = [not (name.startswith("element") or name in freedom.friction) for name in model.parameter_names()]
     return np.where(is_held, one, free)
 
 

@@ -510,7 +510,7 @@ def hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
         motion: the recording.
     """
     return np.where(
-        motion.shows_no_motion, friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution), 0.0
+        motion.hides_reversals, friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution), 0.0
     )
 
 

@@ -204,13 +204,18 @@ class Motion:
         return np.asarray(speed > REST_SHARE * float(np.quantile(speed, 0.995)), dtype=np.bool_)
 
     @cached_property
-    def shows_no_motion(self) -> Booleans:
-        """Whether the encoder shows no motion within a period of the band around each sample."""
+    def hides_reversals(self) -> Booleans:
+        """Whether the encoder may hide reversals of the motion around each sample.
+
+        There it shows at most one step within a period of the motion's low-pass: a reversal within a step would be
+        faster than what passes. So it is at rest, and where the stage creeps.
+        """
         if self.resolution <= 0.0:
             return np.zeros(len(self.time), dtype=np.bool_)
-        moves = np.abs(self.first) + np.abs(self.second) > 0.0
-        width = max(1, round(0.5 / (self.band * self.period)))
-        return np.convolve(moves, np.ones(2 * width + 1), mode="same") < 0.5
+        place = np.cumsum(self.first + self.second)
+        width = 2 * max(1, round(0.5 / (self.band * self.period))) + 1
+        covered = ndimage.maximum_filter1d(place, width) - ndimage.minimum_filter1d(place, width)
+        return np.asarray(covered <= MOTION_BAND * self.resolution, dtype=np.bool_)
 
     @property
     def residual_period(self) -> float:

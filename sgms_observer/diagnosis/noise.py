@@ -3,8 +3,9 @@
 The model of the force noise is first-order noise plus white noise. Its corner frequency is at least ``LOWEST_CORNER``
 times the band: slower changes count as effects, not as noise. The spectrum is fitted to medians over frequency bands,
 so that spectral lines and slow effects do not count as noise. Where the contact sticks, its stiffness turns encoder
-noise into force noise, so residuals there have a lower weight. Where the encoder shows no motion, the contact may have
-moved within the encoder resolution; the variance of the hidden force follows from resolution and stiffness.
+noise into force noise, so residuals there have a lower weight. Where the encoder may hide reversals of the motion, the
+motion does not determine the friction. The variance of the hidden force is at least that of one reversal within the
+encoder resolution, by Masing's rule. Many small ones add up, by how much depends on the contact law: it is measured.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 from scipy.optimize import least_squares
 
-from sgms_observer.arrays import Floats
+from sgms_observer.arrays import Booleans, Floats
 
 LOWEST_CORNER = 0.08
 """Lowest corner frequency of the noise, as a share of the band."""
@@ -42,6 +43,7 @@ class Noise:
         white: white density [N^2/Hz].
         stick_variance: extra variance where the contact sticks or creeps, over the variance elsewhere.
         band: upper frequency of the residuals [Hz].
+        rest_variance: extra variance where the encoder may hide reversals, over the variance elsewhere.
     """
 
     period: float
@@ -50,6 +52,7 @@ class Noise:
     white: float
     stick_variance: float
     band: float
+    rest_variance: float = 0.0
 
     def density(self, frequency: Floats) -> Floats:
         """Return the two-sided spectral density [N^2/Hz]."""
@@ -61,22 +64,31 @@ class Noise:
         grid = np.linspace(0.0, self.band, 2000)
         return float(np.sqrt(2.0 * trapezoid(self.density(grid), grid)))
 
-    def weights(self, stick_indicator: Floats, hidden: Floats | float = 0.0) -> Floats:
+    def weights(
+        self, stick_indicator: Floats, hidden: Floats | float = 0.0, hides_reversals: Booleans | bool = False
+    ) -> Floats:
         """Return the weights of residuals before whitening.
 
         Args:
             stick_indicator: 0 where the contact slides, 1 where it sticks or creeps.
             hidden: mean square of the force hidden by the encoder resolution [N^2].
+            hides_reversals: whether the encoder may hide reversals.
         """
-        return self._smoothed(np.maximum(self.stick_variance * stick_indicator**2, self._over_noise(hidden)))
+        extra = np.maximum(self.stick_variance * stick_indicator**2, self._hidden_variance(hidden, hides_reversals))
+        return self._smoothed(extra)
 
-    def gap_weights(self, hidden: Floats) -> Floats:
+    def gap_weights(self, hidden: Floats, hides_reversals: Booleans) -> Floats:
         """Return the weights of residuals in the gap: low where the encoder resolution hides the force.
 
         Args:
             hidden: as for ``weights``.
+            hides_reversals: as for ``weights``.
         """
-        return self._smoothed(self._over_noise(hidden))
+        return self._smoothed(self._hidden_variance(hidden, hides_reversals))
+
+    def _hidden_variance(self, hidden: Floats | float, hides_reversals: Booleans | bool) -> Floats:
+        """Return the extra variance of what the motion does not determine: as computed or as measured, the larger."""
+        return np.maximum(self._over_noise(hidden), self.rest_variance * np.asarray(hides_reversals))
 
     def _over_noise(self, hidden: Floats | float) -> Floats:
         """Return the hidden mean square over the mean square of the averaged noise at rest."""
@@ -152,6 +164,7 @@ def fit_noise(
     band: float,
     least: float = 0.0,
     hidden: Floats | float = 0.0,
+    hides_reversals: Booleans | bool = False,
 ) -> Noise:
     """Fit the noise of a residual.
 
@@ -162,11 +175,15 @@ def fit_noise(
         band: upper frequency of the residuals [Hz].
         least: smallest rms noise of a measured force [N]; added as white noise.
         hidden: mean square of the force hidden by the encoder resolution, at the same rate [N^2].
+        hides_reversals: whether the encoder may hide reversals, at the same rate.
     """
-    start = Noise(period, 1.0, LOWEST_CORNER * band, 0.0, _stick_share(residual, stick_indicator, period), band)
-    found = _with_spectrum(start, residual, start.weights(stick_indicator))
+    slow = _Slow.of(residual, stick_indicator, period)
+    start = Noise(
+        period, 1.0, LOWEST_CORNER * band, 0.0, slow.stick_variance, band, slow.rest_variance(hides_reversals)
+    )  # fmt: skip
+    found = _with_spectrum(start, residual, start.weights(stick_indicator, 0.0, hides_reversals))
     if np.any(hidden):
-        found = _with_spectrum(start, residual, found.weights(stick_indicator, hidden))
+        found = _with_spectrum(start, residual, found.weights(stick_indicator, hidden, hides_reversals))
     return replace(found, white=found.white + least**2 / (2.0 * band))
 
 
@@ -203,17 +220,50 @@ def _with_spectrum(start: Noise, residual: Floats, weights: Floats) -> Noise:
     return replace(start, low=float(low), corner=float(corner), white=float(white))
 
 
-def _stick_share(residual: Floats, stick_indicator: Floats, period: float) -> float:
-    """Return the growth of the variance of slow residuals with the squared stick indicator.
+@dataclass(frozen=True)
+class _Slow:
+    """Slow residuals: at rest the error of an encoder is constant and does not average out.
 
-    At rest the error of an encoder is constant and does not average out, so slow residuals are used.
+    Attributes:
+        size: magnitude of the averaged residual [N].
+        square: averaged square of the stick indicator.
+        width: number of averaged samples.
     """
-    width = max(3, int(_REST_AVERAGING_TIME / period))
-    slow = np.convolve(residual, np.ones(width) / width, mode="same")
-    square = np.convolve(stick_indicator**2, np.ones(width) / width, mode="same")
-    loose = square <= np.quantile(square, 0.3)
-    tight = square >= np.quantile(square, 0.85)
-    if square[tight].mean() <= 2.0 * square[loose].mean():
-        return 0.0
-    free, stuck = np.median(np.abs(slow[loose])), np.median(np.abs(slow[tight]))
-    return float(min(MAX_STICK_VARIANCE, max(0.0, (stuck / max(free, 1e-300)) ** 2 - 1.0) / square[tight].mean()))
+
+    size: Floats
+    square: Floats
+    width: int
+
+    @classmethod
+    def of(cls, residual: Floats, stick_indicator: Floats, period: float) -> _Slow:
+        """Return the slow residuals; arguments as for ``fit_noise``."""
+        width = max(3, int(_REST_AVERAGING_TIME / period))
+        return cls(np.abs(_averaged(residual, width)), _averaged(stick_indicator**2, width), width)
+
+    @property
+    def stick_variance(self) -> float:
+        """Growth of the variance with the squared stick indicator."""
+        tight = self.square >= np.quantile(self.square, 0.85)
+        if self.square[tight].mean() <= 2.0 * self.square[self._is_loose].mean():
+            return 0.0
+        return float(min(MAX_STICK_VARIANCE, self._growth(tight) / self.square[tight].mean()))
+
+    def rest_variance(self, hides_reversals: Booleans | bool) -> float:
+        """Return the growth of the variance where the encoder may hide reversals for as long as is averaged."""
+        hides = _averaged(np.broadcast_to(hides_reversals, self.size.shape).astype(np.float64), self.width) > 0.999
+        return min(MAX_STICK_VARIANCE, self._growth(hides)) if hides.any() else 0.0
+
+    @property
+    def _is_loose(self) -> Booleans:
+        """Whether the contact sticks least."""
+        return np.asarray(self.square <= np.quantile(self.square, 0.3), dtype=np.bool_)
+
+    def _growth(self, there: Booleans) -> float:
+        """Return the variance of some samples over that where the contact sticks least, minus 1; at least 0."""
+        free, stuck = np.median(self.size[self._is_loose]), np.median(self.size[there])
+        return float(max(0.0, (stuck / max(free, 1e-300)) ** 2 - 1.0))
+
+
+def _averaged(values: Floats, width: int) -> Floats:
+    """Return moving averages."""
+    return np.convolve(values, np.ones(width) / width, mode="same")

@@ -38,6 +38,7 @@ from sgms_observer.diagnosis.instruments import Share, delay_in_response, is_sho
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import lowest_rate
 from sgms_observer.diagnosis.sliding import slides_fast, sliding_shares
+from sgms_observer.diagnosis.sliding_force import total_force_logs
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.effects.catalogue import effect, is_contact_law
@@ -72,6 +73,36 @@ def without_redundant_effects(
         if not test.passed:
             state = without.refitted(without.current)
     return state, tuple(rounds)
+
+
+def with_friction_of_file(state: FitState, rounds: Sequence[Round], options: Options) -> FitState:
+    """Return the state in which only those friction values are free that are beyond the tolerance of the file.
+
+    A change of the contact may have freed all of them before an effect was found that moved them. Beside the effect
+    they are back within the tolerance, and without it they could imitate a part of it. Nothing changes without an
+    effect, or if the state with free values predicts significantly better.
+
+    Args:
+        state: state with everything that was accepted.
+        rounds: rounds so far.
+        options: options of the diagnosis.
+    """
+    setup, found = state.setup, state.current
+    logs = total_force_logs(found.logs, setup.nominal, found.effects)
+    moved = {
+        name
+        for name, log in zip(setup.nominal.parameter_names(), logs.tolist(), strict=True)
+        if abs(log) > math.log1p(setup.tolerance)
+    }
+    freedom = replace(setup.freedom, friction=setup.freedom.friction & moved)
+    if freedom == setup.freedom or not _with_effects(rounds):
+        return state
+    held = replace(setup, freedom=freedom)
+    within = held.fit(found.effects, found.logs)
+    evaluation = state.evaluation(options)
+    less, full = (evidence_of(finish_fit(*pair), evaluation) for pair in ((held, within), (setup, found)))
+    is_needed = improvement(less.all, full.all).z_score > options.criteria.min_z_score
+    return state if is_needed else replace(state, setup=held).refitted(within)
 
 
 def compared_again(

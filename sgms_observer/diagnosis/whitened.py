@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sgms_observer.arrays import Floats
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.diagnosis.contact_slopes import contact_slopes
 from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict, unknown_initial_friction
 from sgms_observer.diagnosis.motion import Motion
@@ -79,15 +79,18 @@ class WhitenedData:
 
 def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData:
     """Return recordings with the noise fitted to the residual of a model."""
-    noises, stick_indicators, hidden = [], [], [_hidden_square(model, motion) for motion in motions]
-    for motion, square in zip(motions, hidden, strict=True):
-        found = predict(model, motion)
+    unknown = [_Unknown.of(motion, model) for motion in motions]
+    noises = []
+    for motion, one in zip(motions, unknown, strict=True):
         least = MIN_NOISE_SHARE * float(np.std(motion.effort))
-        residual = motion.low_pass(found.residual)
-        stick_indicator = motion.thinned(motion.stick_indicator(found.sticking))
-        noises.append(fit_noise(residual, stick_indicator, motion.residual_period, motion.band, least, square))
-        stick_indicators.append(stick_indicator)
-    return _whitened_data(motions, noises, stick_indicators, hidden)
+        residual = motion.low_pass(predict(model, motion).residual)
+        noises.append(
+            fit_noise(
+                residual, one.stick_indicator, motion.residual_period, motion.band, least, one.square,
+                one.hides_reversals,
+            )
+        )  # fmt: skip
+    return _whitened_data(motions, noises, unknown)
 
 
 def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Model) -> WhitenedData:
@@ -100,16 +103,36 @@ def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Mod
     """
     noise = largest_noise(data.noise)
     noises = [replace(noise, period=motion.residual_period) for motion in motions]
-    stick_indicators = [motion.thinned(motion.stick_indicator(predict(model, motion).sticking)) for motion in motions]
-    return _whitened_data(motions, noises, stick_indicators, [_hidden_square(model, motion) for motion in motions])
+    return _whitened_data(motions, noises, [_Unknown.of(motion, model) for motion in motions])
 
 
-def _whitened_data(
-    motions: Sequence[Motion], noises: Sequence[Noise], stick_indicators: Sequence[Floats], hidden: Sequence[Floats]
-) -> WhitenedData:
+@dataclass(frozen=True)
+class _Unknown:
+    """What the samples of a recording do not tell of the friction, at the rate of residuals.
+
+    Attributes:
+        stick_indicator: 0 where the contact slides, 1 where it sticks or creeps.
+        square: mean square of the friction that the recording does not determine [N^2].
+        hides_reversals: whether the encoder may hide reversals.
+    """
+
+    stick_indicator: Floats
+    square: Floats
+    hides_reversals: Booleans
+
+    @classmethod
+    def of(cls, motion: Motion, model: Model) -> _Unknown:
+        """Return it for one recording and the model that computes where the contact sticks."""
+        stick_indicator = motion.stick_indicator(predict(model, motion).sticking)
+        square = _hidden_square(model, motion)
+        return cls(*(motion.thinned(one) for one in (stick_indicator, square)), motion.thinned(motion.hides_reversals))
+
+
+def _whitened_data(motions: Sequence[Motion], noises: Sequence[Noise], unknown: Sequence[_Unknown]) -> WhitenedData:
     """Return recordings with their noise and the weights that follow from it."""
-    weights = [noise.weights(*pair) for noise, *pair in zip(noises, stick_indicators, hidden, strict=True)]
-    gap_weights = [noise.gap_weights(square) for noise, square in zip(noises, hidden, strict=True)]
+    pairs = list(zip(noises, unknown, strict=True))
+    weights = [noise.weights(one.stick_indicator, one.square, one.hides_reversals) for noise, one in pairs]
+    gap_weights = [noise.gap_weights(one.square, one.hides_reversals) for noise, one in pairs]
     return WhitenedData(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
 
 
@@ -120,4 +143,4 @@ def _hidden_square(model: Model, motion: Motion) -> Floats:
     at the start, uniformly distributed around zero.
     """
     drop, width = hidden_friction_drop(model.friction, motion), unknown_initial_friction(model.friction, motion)
-    return motion.thinned(drop**2 / 3.0 + width**2 / 12.0)
+    return np.asarray(drop**2 / 3.0 + width**2 / 12.0)

@@ -32,7 +32,7 @@ from sgms_observer.diagnosis.evidence import (
     left_out_residuals,
     preference,
 )
-from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, limits
+from sgms_observer.diagnosis.fit import FRICTION_VALUES, Freedom, Refit, RefitSetup, limits
 from sgms_observer.diagnosis.free_form import ALL, LEAF_TIME, TREES, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import VISCOUS, Model
@@ -264,9 +264,9 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
 @pytest.mark.parametrize(
     ("name", "values", "freedom", "passes"),
     [
-        ("quadratic_drag", (5.0,), Freedom(friction=True), False),
+        ("quadratic_drag", (5.0,), Freedom(friction=FRICTION_VALUES), False),
         ("quadratic_drag", (5.0,), Freedom(), True),
-        ("offset", (0.5,), Freedom(friction=True), True),
+        ("offset", (0.5,), Freedom(friction=FRICTION_VALUES), True),
     ],
 )
 def test_beside_freed_friction_at_its_end_no_effect_that_a_contact_can_imitate_passes(

@@ -48,7 +48,7 @@ def resting(step: float, is_released: bool) -> Motion:
 def test_samples_at_rest_count_little_on_a_coarse_grid_only() -> None:
     motion = resting(COARSE, is_released=False)
     (weights,) = data_with_own_noise((motion,), MODEL).gap_weights
-    still = motion.thinned(motion.shows_no_motion)
+    still = motion.thinned(motion.hides_reversals)
     assert 0.05 < np.mean(still) < 0.5
     assert np.median(weights[still]) < 0.2
     assert np.median(weights[~still]) == 1.0
