@@ -224,9 +224,10 @@ def _contact_law_tests(
     """Return the tests that named effects which another contact law can imitate explain most of what is left of it.
 
     Where they do not, they describe a part of the difference between the contact laws. The same holds where another
-    effect or a learnt map describes another part of it. Effects that close no less while the contact slides fast than
-    elsewhere are judged there, where contact laws differ by a logarithmic friction at most. A drag acts there too, so
-    it has to predict no worse than such a friction even if it closes more elsewhere.
+    effect, a learnt map or friction values beyond the tolerance of the file describe another part of it. Effects that
+    close no less while the contact slides fast than elsewhere are judged there, where contact laws differ by a
+    logarithmic friction at most. A drag acts there too, so it has to predict no worse than such a friction even if it
+    closes more elsewhere.
 
     Args:
         data: recordings of the gap.
@@ -244,6 +245,7 @@ def _contact_law_tests(
     refitted = written.with_effects(remaining, data.diagnosis.evaluation)
     others = data.residuals(refitted, written.setup)
     parts = len(data.diagnosis.unnamed_contact_effects) + sum(item.is_of_contact for item in learnt)
+    parts += bool(written.setup.freedom.friction)
     closed = max(data.rms(others) ** 2 - after, 1.0e-300)
     left, predicted = max(after - final.noise**2, 0.0), predictable_share * after
     without, with_all = (

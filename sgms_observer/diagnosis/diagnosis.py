@@ -312,6 +312,7 @@ class WrittenFits:
         setup: setup of ``after``.
         estimates: of the free effect parameters of ``after``.
         strengths: of those among them that are strengths, where all effects keep the shapes of ``after``.
+        alike: as ``estimates``, where all recordings have the values of the file of ``after``.
         shares_above_noise: share of the squared gap above the noise that each effect closes beside the others.
     """
 
@@ -321,6 +322,7 @@ class WrittenFits:
     setup: RefitSetup
     estimates: RecordingEstimates
     strengths: RecordingEstimates
+    alike: RecordingEstimates
     shares_above_noise: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
@@ -373,6 +375,9 @@ class WrittenFits:
     def strength_over_error(self, name: str, z_score: float) -> float:
         """Return the strength of an effect over its standard error, with any significant scatter between recordings.
 
+        A machine has one value of each friction parameter. Recordings with values of their own would differ in these
+        too, and an effect that resembles them would seem to differ.
+
         Args:
             name: the effect.
             z_score: above which a difference of two recordings is significant.
@@ -380,7 +385,7 @@ class WrittenFits:
         Returns:
             Infinite if the effect has no free strength parameter.
         """
-        found = self.estimates.linear(self.after.effects)
+        found = self.alike.linear(self.after.effects)
         errors = found.errors_with_significant_scatter(z_score)
         return self._largest(name, found, lambda column, zero: found.size_over(column, zero, float(errors[column])))
 

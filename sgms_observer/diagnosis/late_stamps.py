@@ -2,7 +2,7 @@
 
 No machine makes such a lag: a cause comes before what it does. A drive that reports a filtered or averaged effort, a
 slower bus for the effort, and a table whose columns are off by a row make it. The lag is read while the contact slides
-fast, beside mass, spring and friction, where contact laws hardly differ, and the effort is read as much earlier.
+fast, where contact laws hardly differ, beside mass, spring, dead zone and friction. The effort is read as much earlier.
 """
 
 from __future__ import annotations
@@ -125,11 +125,11 @@ def lag_in_fast_sliding(
 ) -> tuple[float, float] | None:
     """Return the common lag of the effort of recordings and its standard error [samples], or None without a sure fit.
 
-    The residual is fitted with the change of the effort by a lag, a mass, a spring, and Coulomb, viscous and
-    logarithmic friction beside a constant. The error comes from the scatter between blocks of time. Few of them hardly
-    tell it, so it is enlarged as Student's distribution asks at ``min_z_score``. Where every recording has a reference,
-    it is the instrument: a controller feeds the noise of the encoder back into the effort. Without one, what the model
-    lacks may correlate with the rate of the effort, and the lag has to close half of what these forces leave.
+    The residual is fitted with the change of the effort by a lag, a mass, a spring, a dead zone, and Coulomb, viscous
+    and logarithmic friction beside a constant. The error comes from the scatter between blocks of time. Few of them
+    hardly tell it, so it is enlarged as Student's distribution asks at ``min_z_score``. Where every recording has a
+    reference, it is the instrument: a controller feeds the noise of the encoder back into the effort. Without one, what
+    the model lacks may correlate with the rate of the effort, and the lag has to close half of what these forces leave.
 
     Args:
         records: recordings with one lag.

@@ -425,7 +425,7 @@ def _written_without(found: FitState, nominal: Model, evaluation: EvaluationData
     setup = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
     fit = setup.fit(found.current.effects, evaluations=WRITTEN_EVALUATIONS)
     best = evaluation.best_for_gap(setup, fit)
-    return WrittenFits(best, best, fit, setup, RecordingEstimates.none(), RecordingEstimates.none())
+    return WrittenFits(best, best, fit, setup, *(3 * [RecordingEstimates.none()]))
 
 
 def _as_written(
@@ -461,9 +461,10 @@ def _as_written(
     estimates = strengths = recording_estimates(last, fresh, state.held_out_motions)
     if of_strengths.free != fresh.free:
         strengths = recording_estimates(last, of_strengths, state.held_out_motions)
+    alike = recording_estimates(last, fresh, state.held_out_motions, has_common_values=True)
     best = evaluation.best_for_gap(last, after)
     before = before if best is after else without.before
-    return WrittenFits(before, best, after, last, estimates, strengths)
+    return WrittenFits(before, best, after, last, estimates, strengths, alike)
 
 
 def _with_derivatives(setup: RefitSetup, found: Refit, only_strengths: bool) -> Refit:

@@ -218,13 +218,16 @@ def leave_one_out_shifts(parts: Sequence[Floats], normal: Floats) -> Floats:
     return np.array(moved)
 
 
-def recording_estimates(setup: RefitSetup, found: Refit, others: Sequence[Motion]) -> RecordingEstimates:
+def recording_estimates(
+    setup: RefitSetup, found: Refit, others: Sequence[Motion], has_common_values: bool = False
+) -> RecordingEstimates:
     """Return the estimates of a fit and of each other recording alone.
 
     Args:
         setup: setup of the fit.
         found: the fit, with derivatives at its solution.
         others: other recordings.
+        has_common_values: whether the other recordings have the nominal parameters of the fit, or their own.
     """
     values = [[found.effects[i].values[j] for i, j in found.free]]
     errors = [standard_errors(found, setup.data)]
@@ -232,7 +235,7 @@ def recording_estimates(setup: RefitSetup, found: Refit, others: Sequence[Motion
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
     for motion in others if free else ():
         alone = replace(setup, data=data_with_own_noise((motion,), found.model))
-        fit = alone.fit(found.effects, found.logs, fixed)
+        fit = alone.fit(found.effects, found.logs, fixed, is_nominal_held=has_common_values)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
         errors.append(standard_errors(fit, alone.data))
     return RecordingEstimates(found.free, np.array(values), np.array(errors))
