@@ -138,6 +138,18 @@ def test_beside_a_second_one_neither_has_a_name(explained: Answer) -> None:
     assert not refused.accepted and refused.unnamed_contact_effects == {"stribeck", "frictional_lag"}
 
 
+@pytest.mark.parametrize("freed", [frozenset(), frozenset({"static_force"})])
+def test_beside_friction_values_that_left_their_tolerance_it_has_no_name(
+    freed: frozenset[str], explained: Answer
+) -> None:
+    """A fall of the friction was named, on a file whose static force had to fall by 15 % beside it."""
+    found = explained.diagnosis
+    setup = replace(found.written.setup, freedom=replace(found.written.setup.freedom, friction=freed))
+    answer = answer_of(replace(found, written=replace(found.written, setup=setup)), AXIS, OPTIONS)
+    (test,) = [one for one in answer.tests if one.name == "other parts of another contact law"]
+    assert test.value == len(freed) and test.passed == (not freed) == bool(answer.effects)
+
+
 @pytest.mark.parametrize(("share", "is_named"), [(0.51, True), (0.49, False)])
 def test_beside_everything_else_it_closes_more_than_it_leaves(share: float, is_named: bool, explained: Answer) -> None:
     found = explained.diagnosis

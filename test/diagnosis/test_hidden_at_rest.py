@@ -20,7 +20,8 @@ from sgms_observer.diagnosis.fit import RefitSetup
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import Model, friction_drop_after_reversal, hidden_by_encoder
-from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.motion import MOTION_BAND, Motion, motion_of
+from sgms_observer.diagnosis.noise import fit_noise
 from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
@@ -54,6 +55,43 @@ def test_samples_at_rest_count_little_on_a_coarse_grid_only() -> None:
     assert np.median(weights[~still]) == 1.0
     fine = resting(1.0e-10, is_released=False)
     assert np.min(data_with_own_noise((fine,), MODEL).gap_weights[0]) > 0.99
+
+
+def creeping(step: float, rate: float) -> Motion:
+    """Return a motion that slides for four seconds, then creeps for three at a rate [encoder steps/s], then slides."""
+    time = np.arange(0.0, 11.0, 0.001)
+    speed = np.where((time > 4.0) & (time < 7.0), rate * step, 0.02 * np.sin(2.0 * np.pi * 0.5 * time))
+    position = np.round(np.cumsum(speed) * 0.001 / step) * step
+    return motion_of(Recording("creeping", 0.001, position, np.sign(speed)))
+
+
+@pytest.mark.parametrize(("rate", "is_hidden"), [(0.0, True), (50.0, True), (200.0, True), (400.0, False)])
+def test_an_encoder_hides_reversals_of_a_stage_that_creeps(rate: float, is_hidden: bool) -> None:
+    """A friction that creeps forward step by step was expected to be known, and the effort fell all the same."""
+    motion = creeping(1.0e-6, rate)
+    assert MOTION_BAND * motion.band == 250.0  # steps per second
+    creeps = (motion.time > 4.1) & (motion.time < 6.9)
+    slides = np.abs(motion.velocity) > 0.01
+    assert np.all(motion.hides_reversals[creeps] == is_hidden)
+    assert not np.any(motion.hides_reversals[slides])
+
+
+@pytest.mark.parametrize("is_hidden", [True, False])
+def test_samples_where_reversals_are_hidden_count_as_much_less_as_they_scatter_more(is_hidden: bool) -> None:
+    """Many small reversals add up to a decrease that one of them does not explain."""
+    rng = np.random.default_rng(1)
+    rests = np.arange(4000) % 800 >= 400
+    level = np.where(rests, 0.08 * np.sign(np.sin(np.arange(4000) // 800)), 0.0)
+    residual = level + 0.05 * rng.standard_normal(4000)
+    sticks = rests.astype(np.float64)
+    found = fit_noise(residual, sticks, 0.005, 50.0, 0.0, 0.0, rests if is_hidden else False)
+    weights = found.gap_weights(np.zeros(4000), rests & is_hidden)
+    middle = np.arange(4000) % 800 == 600
+    assert np.all(weights[~rests & (np.arange(4000) % 800 > 50) & (np.arange(4000) % 800 < 350)] == 1.0)
+    if is_hidden:  # the median of the averaged noise is 0.67 of its rms
+        assert np.median(weights[middle]) == pytest.approx(0.67 * 0.05 / np.sqrt(10.0) / 0.08, rel=0.2)
+    else:
+        assert found.rest_variance == 0.0 and np.all(weights == 1.0)
 
 
 def test_the_fall_after_a_reversal_is_masings() -> None:

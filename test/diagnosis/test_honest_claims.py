@@ -13,11 +13,15 @@ from sgms_observer.diagnosis.decision import Decision, decide, strength_over_err
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Recordings, Round, WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
-from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, refit
+from sgms_observer.diagnosis.fit import FRICTION_VALUES, Freedom, Refit, RefitSetup, refit
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import HELD_LAG, Motion, motion_of
-from sgms_observer.diagnosis.pruning import without_insignificant_effects, without_redundant_effects
+from sgms_observer.diagnosis.pruning import (
+    with_friction_of_file,
+    without_insignificant_effects,
+    without_redundant_effects,
+)
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.sliding_force import start_logs
 from sgms_observer.diagnosis.uncertainty import (
@@ -26,6 +30,7 @@ from sgms_observer.diagnosis.uncertainty import (
     between_deviation,
     between_variance,
     leave_one_out_shifts,
+    recording_estimates,
     standard_errors,
 )
 from sgms_observer.diagnosis.whitened import data_with_own_noise
@@ -148,6 +153,29 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
     assert test.passed == kept and (test.value >= test.threshold) == kept
 
 
+@pytest.mark.parametrize("ratio", [1.0, 1.6])
+def test_friction_values_that_an_effect_explains_stay_within_the_tolerance(ratio: float) -> None:
+    """A change of the contact freed the Coulomb force before the dead zone was found, and could imitate it since."""
+    hidden = (EffectSettings("actuator_dead_zone", (0.6,)),)
+    source = record(hidden)
+    motion = motion_of(source)
+    file = replace(MODEL, friction=replace(MODEL.friction, stribeck_velocity=ratio * MODEL.friction.stribeck_velocity))
+    evaluation = evaluation_of((motion,), MODEL.with_effects(hidden))
+    setup = RefitSetup(evaluation.fit_data, file, 0.05, Freedom(friction=FRICTION_VALUES))
+    current = finish_fit(setup, setup.fit(hidden))
+    state = FitState(Recordings((source,), (), HELD_LAG, 100.0), (motion,), (), setup, current)
+    rounds = [accepted(setup, current, setup.fit(()), "actuator_dead_zone", evaluation)]
+    found = with_friction_of_file(state, rounds, Options())
+    assert found.setup.freedom.friction == (frozenset() if ratio == 1.0 else {"stribeck_velocity"})
+    assert with_friction_of_file(state, [], Options()) is state, "without an effect they stay free"
+    beside, without = (
+        [each.current.model.friction.coulomb_force / MODEL.friction.coulomb_force for each in pair]
+        for pair in ((state, found), [one.without("actuator_dead_zone") for one in (state, found)])
+    )
+    assert beside[0] == pytest.approx(beside[1], rel=0.02)
+    assert without[0] > 1.1 and without[1] < 1.051
+
+
 COGGING = EffectSettings("cogging", (0.5, 7e-4, 0.0, 0.0, 0.0))
 OTHER_FRICTION = EffectSettings("stribeck", (-0.4, 0.02))
 """Another friction at low speed."""
@@ -256,6 +284,19 @@ def test_a_strength_counts_as_far_as_recordings_agree_on_it() -> None:
     assert 3.0 < over_scatter((0.6, 0.05), (0.45, 0.01)) < 12.0, "a size may differ"
     assert over_scatter((0.6, 0.01), (0.1, 0.01), (1.5, 0.01)) < 1.645, "each sure, but of no common size"
     assert over_scatter((1.2, 0.05), (1.2, 0.05), default=1.0) == pytest.approx(4.0), "of a gain: from one"
+
+
+def test_recordings_of_one_machine_are_compared_with_one_set_of_friction_values() -> None:
+    """With values of their own, two recordings shared a dead zone and the Coulomb force out differently."""
+    hidden = (EffectSettings("actuator_dead_zone", (0.6,)),)
+    learn, other = (motion_of(record(hidden, seed, 12.0)) for seed in (1, 2))
+    setup = RefitSetup(data_with_own_noise((learn,), MODEL.with_effects(hidden)), MODEL, 0.05)
+    found = finish_fit(setup, setup.fit(hidden))
+    shifted = found.logs.copy()
+    shifted[COULOMB] += 0.03
+    wrong = setup.fit(found.effects, shifted, is_nominal_held=True)
+    alike, apart = (recording_estimates(setup, wrong, [other], common).values[:, 0] for common in (True, False))
+    assert abs(alike[1] - alike[0]) < 0.3 * abs(apart[1] - apart[0])
 
 
 def test_two_recordings_hardly_tell_how_much_a_size_scatters() -> None:

@@ -23,6 +23,8 @@ from sgms_observer.diagnosis.motion import HELD_LAG, delayed
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings
+from sim_plant.plants.machine import draw_plant
+from sim_plant.plants.recording import record as recorded
 
 PERIOD, DURATION, BAND = 0.004, 12.0, 25.0
 OPTIONS = Options(workers=1, band=BAND)
@@ -71,6 +73,25 @@ def test_a_diagnosis_reads_a_late_effort_earlier(late: float, monkeypatch: pytes
 @pytest.mark.parametrize("late", [-3.0, -1.0, 0.0])
 def test_an_effort_that_acts_at_its_stamp_or_after_it_stays(late: float) -> None:
     assert samples_in(stamped(late), with_reference(stamped(late))) == []
+
+
+def test_a_dead_zone_is_no_lag() -> None:
+    """It jumps where the effort changes its sign, and so does the effect of a lag: it was 0.37 samples."""
+    machine = draw_plant("lugre", 3)
+    friction = replace(
+        AXIS.friction, element_stiffness=(machine.curve[1] / machine.distance,), element_fraction=(1.0,),
+        element_damping=(0.0,), viscous_coefficient=machine.viscous, static_force=machine.curve[1],
+        coulomb_force=machine.curve[0], stribeck_velocity=machine.curve[2],
+    )  # fmt: skip
+    model = Model.of(replace(AXIS, mass=machine.mass, friction=friction))
+    lags = []
+    for hidden in ((), ("dead_zone",)):
+        made = recorded(machine, hidden, 0.15, 7, "steps", 30.0)
+        log = Recording("steps", 1.0 / machine.log_rate, made.position, made.effort, reference_position=made.reference)
+        found = lag_in_fast_sliding([log], model, 100.0, Criteria())
+        assert found is not None
+        lags.append(found[0])
+    assert lags[0] == pytest.approx(lags[1], abs=MAX_STAMP_ERROR)
 
 
 def test_pieces_of_one_log_have_one_lag() -> None:
