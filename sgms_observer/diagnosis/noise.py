@@ -33,6 +33,21 @@ _MEDIAN_OF_CHI2 = 0.6931  # median over mean of a periodogram's bins
 
 
 @dataclass(frozen=True)
+class Unknown:
+    """What the samples of a recording do not tell of the friction, at the rate of residuals.
+
+    Attributes:
+        stick_indicator: 0 where the contact slides, 1 where it sticks or creeps.
+        square: mean square of the friction that the recording does not determine [N^2].
+        hides_reversals: whether the encoder may hide reversals.
+    """
+
+    stick_indicator: Floats
+    square: Floats
+    hides_reversals: Booleans
+
+
+@dataclass(frozen=True)
 class Noise:
     """Noise of residuals at one rate.
 
@@ -64,35 +79,30 @@ class Noise:
         grid = np.linspace(0.0, self.band, 2000)
         return float(np.sqrt(2.0 * trapezoid(self.density(grid), grid)))
 
-    def weights(
-        self, stick_indicator: Floats, hidden: Floats | float = 0.0, hides_reversals: Booleans | bool = False
-    ) -> Floats:
+    def weights(self, unknown: Unknown) -> Floats:
         """Return the weights of residuals before whitening.
 
         Args:
-            stick_indicator: 0 where the contact slides, 1 where it sticks or creeps.
-            hidden: mean square of the force hidden by the encoder resolution [N^2].
-            hides_reversals: whether the encoder may hide reversals.
+            unknown: what the samples do not tell.
         """
-        extra = np.maximum(self.stick_variance * stick_indicator**2, self._hidden_variance(hidden, hides_reversals))
-        return self._smoothed(extra)
+        sticking = self.stick_variance * unknown.stick_indicator**2
+        return self._smoothed(np.maximum(sticking, self._hidden_variance(unknown)))
 
-    def gap_weights(self, hidden: Floats, hides_reversals: Booleans) -> Floats:
+    def gap_weights(self, unknown: Unknown) -> Floats:
         """Return the weights of residuals in the gap: low where the encoder resolution hides the force.
 
         Args:
-            hidden: as for ``weights``.
-            hides_reversals: as for ``weights``.
+            unknown: what the samples do not tell.
         """
-        return self._smoothed(self._hidden_variance(hidden, hides_reversals))
+        return self._smoothed(self._hidden_variance(unknown))
 
-    def _hidden_variance(self, hidden: Floats | float, hides_reversals: Booleans | bool) -> Floats:
-        """Return the extra variance of what the motion does not determine: as computed or as measured, the larger."""
-        return np.maximum(self._over_noise(hidden), self.rest_variance * np.asarray(hides_reversals))
+    def _hidden_variance(self, unknown: Unknown) -> Floats:
+        """Return the extra variance of what the motion does not determine, over the variance elsewhere.
 
-    def _over_noise(self, hidden: Floats | float) -> Floats:
-        """Return the hidden mean square over the mean square of the averaged noise at rest."""
-        return np.asarray(hidden * (_REST_AVERAGING_TIME / float(self.density(np.zeros(1))[0])), dtype=np.float64)
+        That is the computed mean square over that of the averaged noise at rest, or what was measured, if it is larger.
+        """
+        computed = unknown.square * (_REST_AVERAGING_TIME / float(self.density(np.zeros(1))[0]))
+        return np.asarray(np.maximum(computed, self.rest_variance * unknown.hides_reversals))
 
     def _smoothed(self, extra: Floats) -> Floats:
         """Return the weights for an extra variance, over the variance elsewhere."""
@@ -157,33 +167,22 @@ def largest_noise(noise: Sequence[Noise]) -> Noise:
     return max(noise, key=lambda one: one.rms)
 
 
-def fit_noise(
-    residual: Floats,
-    stick_indicator: Floats,
-    period: float,
-    band: float,
-    least: float = 0.0,
-    hidden: Floats | float = 0.0,
-    hides_reversals: Booleans | bool = False,
-) -> Noise:
+def fit_noise(residual: Floats, unknown: Unknown, period: float, band: float, least: float = 0.0) -> Noise:
     """Fit the noise of a residual.
 
     Args:
         residual: at the rate of residuals [N].
-        stick_indicator: 0 where the contact slides, 1 where it sticks or creeps, at the same rate.
+        unknown: what its samples do not tell.
         period: time between residuals [s].
         band: upper frequency of the residuals [Hz].
         least: smallest rms noise of a measured force [N]; added as white noise.
-        hidden: mean square of the force hidden by the encoder resolution, at the same rate [N^2].
-        hides_reversals: whether the encoder may hide reversals, at the same rate.
     """
-    slow = _Slow.of(residual, stick_indicator, period)
-    start = Noise(
-        period, 1.0, LOWEST_CORNER * band, 0.0, slow.stick_variance, band, slow.rest_variance(hides_reversals)
-    )  # fmt: skip
-    found = _with_spectrum(start, residual, start.weights(stick_indicator, 0.0, hides_reversals))
-    if np.any(hidden):
-        found = _with_spectrum(start, residual, found.weights(stick_indicator, hidden, hides_reversals))
+    slow = _Slow.of(residual, unknown.stick_indicator, period)
+    rest_variance = slow.rest_variance(unknown.hides_reversals)
+    start = Noise(period, 1.0, LOWEST_CORNER * band, 0.0, slow.stick_variance, band, rest_variance)
+    found = _with_spectrum(start, residual, start.weights(replace(unknown, square=np.zeros(len(residual)))))
+    if np.any(unknown.square):
+        found = _with_spectrum(start, residual, found.weights(unknown))
     return replace(found, white=found.white + least**2 / (2.0 * band))
 
 
@@ -248,9 +247,9 @@ class _Slow:
             return 0.0
         return float(min(MAX_STICK_VARIANCE, self._growth(tight) / self.square[tight].mean()))
 
-    def rest_variance(self, hides_reversals: Booleans | bool) -> float:
+    def rest_variance(self, hides_reversals: Booleans) -> float:
         """Return the growth of the variance where the encoder may hide reversals for as long as is averaged."""
-        hides = _averaged(np.broadcast_to(hides_reversals, self.size.shape).astype(np.float64), self.width) > 0.999
+        hides = _averaged(hides_reversals.astype(np.float64), self.width) > 0.999
         return min(MAX_STICK_VARIANCE, self._growth(hides)) if hides.any() else 0.0
 
     @property

@@ -425,7 +425,8 @@ def _written_without(found: FitState, nominal: Model, evaluation: EvaluationData
     setup = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
     fit = setup.fit(found.current.effects, evaluations=WRITTEN_EVALUATIONS)
     best = evaluation.best_for_gap(setup, fit)
-    return WrittenFits(best, best, fit, setup, *(3 * [RecordingEstimates.none()]))
+    none = RecordingEstimates.none()
+    return WrittenFits(best, best, fit, setup, none, none, none)
 
 
 def _as_written(

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sgms_observer.arrays import Booleans, Floats
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.contact_slopes import contact_slopes
 from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict, unknown_initial_friction
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise, fit_noise, largest_noise
+from sgms_observer.diagnosis.noise import Noise, Unknown, fit_noise, largest_noise
 
 MIN_NOISE_SHARE = 1.0e-3
 """Smallest rms noise of a measured force, as a share of the effort."""
@@ -79,17 +79,14 @@ class WhitenedData:
 
 def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData:
     """Return recordings with the noise fitted to the residual of a model."""
-    unknown = [_Unknown.of(motion, model) for motion in motions]
-    noises = []
-    for motion, one in zip(motions, unknown, strict=True):
-        least = MIN_NOISE_SHARE * float(np.std(motion.effort))
-        residual = motion.low_pass(predict(model, motion).residual)
-        noises.append(
-            fit_noise(
-                residual, one.stick_indicator, motion.residual_period, motion.band, least, one.square,
-                one.hides_reversals,
-            )
-        )  # fmt: skip
+    unknown = [_unknown(model, motion) for motion in motions]
+    noises = [
+        fit_noise(
+            motion.low_pass(predict(model, motion).residual), one, motion.residual_period, motion.band,
+            MIN_NOISE_SHARE * float(np.std(motion.effort)),
+        )
+        for motion, one in zip(motions, unknown, strict=True)
+    ]  # fmt: skip
     return _whitened_data(motions, noises, unknown)
 
 
@@ -103,37 +100,23 @@ def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Mod
     """
     noise = largest_noise(data.noise)
     noises = [replace(noise, period=motion.residual_period) for motion in motions]
-    return _whitened_data(motions, noises, [_Unknown.of(motion, model) for motion in motions])
+    return _whitened_data(motions, noises, [_unknown(model, motion) for motion in motions])
 
 
-@dataclass(frozen=True)
-class _Unknown:
-    """What the samples of a recording do not tell of the friction, at the rate of residuals.
-
-    Attributes:
-        stick_indicator: 0 where the contact slides, 1 where it sticks or creeps.
-        square: mean square of the friction that the recording does not determine [N^2].
-        hides_reversals: whether the encoder may hide reversals.
-    """
-
-    stick_indicator: Floats
-    square: Floats
-    hides_reversals: Booleans
-
-    @classmethod
-    def of(cls, motion: Motion, model: Model) -> _Unknown:
-        """Return it for one recording and the model that computes where the contact sticks."""
-        stick_indicator = motion.stick_indicator(predict(model, motion).sticking)
-        square = _hidden_square(model, motion)
-        return cls(*(motion.thinned(one) for one in (stick_indicator, square)), motion.thinned(motion.hides_reversals))
-
-
-def _whitened_data(motions: Sequence[Motion], noises: Sequence[Noise], unknown: Sequence[_Unknown]) -> WhitenedData:
+def _whitened_data(motions: Sequence[Motion], noises: Sequence[Noise], unknown: Sequence[Unknown]) -> WhitenedData:
     """Return recordings with their noise and the weights that follow from it."""
     pairs = list(zip(noises, unknown, strict=True))
-    weights = [noise.weights(one.stick_indicator, one.square, one.hides_reversals) for noise, one in pairs]
-    gap_weights = [noise.gap_weights(one.square, one.hides_reversals) for noise, one in pairs]
-    return WhitenedData(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
+    weights = tuple(noise.weights(one) for noise, one in pairs)
+    return WhitenedData(tuple(motions), tuple(noises), weights, tuple(noise.gap_weights(one) for noise, one in pairs))
+
+
+def _unknown(model: Model, motion: Motion) -> Unknown:
+    """Return what a recording does not tell of the friction; the model computes where the contact sticks."""
+    return Unknown(
+        motion.thinned(motion.stick_indicator(predict(model, motion).sticking)),
+        motion.thinned(_hidden_square(model, motion)),
+        motion.thinned(motion.hides_reversals),
+    )
 
 
 def _hidden_square(model: Model, motion: Motion) -> Floats:

@@ -19,7 +19,7 @@ from sgms_observer.diagnosis.fit import Freedom, RefitSetup, refit
 from sgms_observer.diagnosis.gap import rms
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, long_enough, motion_of, play_operator, without_jitter
-from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
+from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, Unknown, fit_noise
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
 from sgms_observer.diagnosis.screen import MANY_SHAPES, SINES_OF_POSITION, Screen
 from sgms_observer.diagnosis.whitened import data_with_own_noise
@@ -38,6 +38,11 @@ def test_the_motion_knows_the_encoders_step_in_a_recording_as_it_is_read(step: f
     as_read = without_unit_rounding(steps, position_noise(steps))
     assert motion_of(Recording("table", PERIOD, as_read, smooth)).resolution == pytest.approx(step, rel=1e-3)
     assert motion_of(Recording("table", PERIOD, smooth, smooth)).resolution == 0.0
+
+
+def all_known(count: int) -> Unknown:
+    """Return what samples do not tell while the contact slides: nothing."""
+    return Unknown(np.zeros(count), np.zeros(count), np.zeros(count, dtype=bool))
 
 
 def test_play_takes_flicker_off_and_nothing_else() -> None:
@@ -111,7 +116,7 @@ def test_noise_is_found_again_and_whitens() -> None:
     truth = Noise(0.004, 1e-4, 25.0, 1e-5, 0.0, 100.0)
     rng = np.random.default_rng(4)
     series = coloured(truth, 15000, 0.004, rng)
-    found = fit_noise(series, np.zeros(len(series)), 0.004, 100.0)
+    found = fit_noise(series, all_known(len(series)), 0.004, 100.0)
     assert found.rms == pytest.approx(truth.rms, rel=0.1)
     white = found.whitened(series, np.ones(len(series)))
     assert float(white @ white) / len(white) == pytest.approx(1.0, abs=0.15)
@@ -151,7 +156,7 @@ def test_noise_of_a_few_residuals_has_their_size(count: int) -> None:
     """Half a recording of 3 s at a low rate: no part of its spectrum has enough frequencies for a shape."""
     band = 12.5
     series = 2.0 * np.random.default_rng(3).standard_normal(count)
-    found = fit_noise(series, np.zeros(count), 0.4 / band, band)
+    found = fit_noise(series, all_known(count), 0.4 / band, band)
     below_band = 2.0 * np.sqrt(2.0 * band * 0.4 / band)
     assert found.rms == pytest.approx(below_band, rel=3.0 / np.sqrt(2.0 * 0.8 * count))
 

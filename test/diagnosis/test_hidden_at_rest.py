@@ -21,7 +21,7 @@ from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import Model, friction_drop_after_reversal, hidden_by_encoder
 from sgms_observer.diagnosis.motion import MOTION_BAND, Motion, motion_of
-from sgms_observer.diagnosis.noise import fit_noise
+from sgms_observer.diagnosis.noise import Unknown, fit_noise
 from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
@@ -83,9 +83,9 @@ def test_samples_where_reversals_are_hidden_count_as_much_less_as_they_scatter_m
     rests = np.arange(4000) % 800 >= 400
     level = np.where(rests, 0.08 * np.sign(np.sin(np.arange(4000) // 800)), 0.0)
     residual = level + 0.05 * rng.standard_normal(4000)
-    sticks = rests.astype(np.float64)
-    found = fit_noise(residual, sticks, 0.005, 50.0, 0.0, 0.0, rests if is_hidden else False)
-    weights = found.gap_weights(np.zeros(4000), rests & is_hidden)
+    unknown = Unknown(rests.astype(np.float64), np.zeros(4000), rests & is_hidden)
+    found = fit_noise(residual, unknown, 0.005, 50.0)
+    weights = found.gap_weights(unknown)
     middle = np.arange(4000) % 800 == 600
     assert np.all(weights[~rests & (np.arange(4000) % 800 > 50) & (np.arange(4000) % 800 < 350)] == 1.0)
     if is_hidden:  # the median of the averaged noise is 0.67 of its rms
