@@ -88,8 +88,8 @@ def share_in_response(
 ) -> Share | None:
     """Return the share of an effect that the response to the reference shows while the contact slides fast.
 
-    The residual without the effect is fitted with the change that the effect makes, a mass, a spring, a dead zone, a
-    constant, and Coulomb, viscous and logarithmic friction, by two-stage least squares.
+    The residual without the effect is fitted with the change that the effect makes, a mass, a spring, a constant, and
+    Coulomb, viscous and logarithmic friction, by two-stage least squares.
 
     Args:
         with_it: the model with the effect.
@@ -135,34 +135,27 @@ def first_strength(residual: Floats, columns: Floats, instruments: Floats, lengt
 def _columns(
     with_it: Model, others: Model, motion: Motion, given: Floats, fast: Booleans
 ) -> tuple[Floats, Floats, Floats]:
-    """Return residual, columns of its fit and their instruments where the contact slides fast: (n,), (n, 8), (n, 9)."""
+    """Return residual, columns of its fit and their instruments where the contact slides fast: (n,), (n, 7), (n, 8)."""
     (left,), (rest,) = (residuals(model, [motion]) for model in (others, with_it))
     columns = np.column_stack([left - rest, forces_beside(motion)])
     return left[fast], columns[fast], instruments_of(motion, given)[fast]
 
 
 def forces_beside(motion: Motion) -> Floats:
-    """Return the forces that are fitted beside a lag: mass, friction, spring, dead zone and a constant, shape (n, 7).
+    """Return the forces that are fitted beside a lag: mass, friction, spring and a constant, shape (n, 6).
 
-    What the model lacks of them would look like a lag where the recording is short, and a dead zone, which jumps where
-    the effort changes its sign, in any recording.
+    What the model lacks of them would look like a lag where the recording is short.
 
     Args:
         motion: the recording.
     """
     friction = logarithmic_friction(motion.thinned(motion.velocity))
     spring = motion.thinned(motion.position)
-    forces = [motion.low_pass(motion.acceleration), friction, spring, _sign_of_effort(motion), np.ones(len(spring))]
-    return np.column_stack(forces)
-
-
-def _sign_of_effort(motion: Motion) -> Floats:
-    """Return the sign of the effort [-], which noise hardly changes: it is its own instrument."""
-    return np.sign(motion.low_pass(motion.effort))
+    return np.column_stack([motion.low_pass(motion.acceleration), friction, spring, np.ones(len(spring))])
 
 
 def instruments_of(motion: Motion, given: Floats) -> Floats:
-    """Return what the reference makes of the forces beside a lag, and of the derivatives of acceleration, shape (n, 9).
+    """Return what the reference makes of the forces beside a lag, and of the derivatives of acceleration, shape (n, 8).
 
     Args:
         motion: the recording.
@@ -170,8 +163,7 @@ def instruments_of(motion: Motion, given: Floats) -> Floats:
     """
     velocity = np.gradient(motion.smoothed(given)[: len(motion.time)], motion.period)
     place = motion.thinned(given[: len(motion.time)])
-    others = np.column_stack([place, _sign_of_effort(motion), np.ones(len(place))])
-    instruments = [logarithmic_friction(motion.thinned(velocity)), others]
+    instruments = [logarithmic_friction(motion.thinned(velocity)), np.column_stack([place, np.ones(len(place))])]
     derivative = velocity
     for _ in ("acceleration", "jerk", "snap"):
         derivative = np.gradient(derivative, motion.period)

@@ -7,7 +7,7 @@ fast, where contact laws hardly differ, beside mass, spring, dead zone and frict
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,8 +125,9 @@ def lag_in_fast_sliding(
 ) -> tuple[float, float] | None:
     """Return the common lag of the effort of recordings and its standard error [samples], or None without a sure fit.
 
-    The residual is fitted with the change of the effort by a lag, a mass, a spring, a dead zone, and Coulomb, viscous
-    and logarithmic friction beside a constant. The error comes from the scatter between blocks of time. Few of them
+    The residual is fitted with the change of the effort by a lag, a mass, a spring, and Coulomb, viscous and
+    logarithmic friction beside a constant, and with a dead zone if that is significant: it jumps where the effort
+    changes its sign, which looks like a lag. The error comes from the scatter between blocks of time. Few of them
     hardly tell it, so it is enlarged as Student's distribution asks at ``min_z_score``. Where every recording has a
     reference, it is the instrument: a controller feeds the noise of the encoder back into the effort. Without one, what
     the model lacks may correlate with the rate of the effort, and the lag has to close half of what these forces leave.
@@ -153,26 +154,76 @@ def lag_in_fast_sliding(
     instruments = None
     if len(references) == len(motions):
         instruments = together([instruments_of(*pair) for pair in zip(motions, references, strict=True)])
+
+    def residual_at(lag: float) -> Floats:
+        return together([motion.low_pass(delayed(motion.effort, lag / motion.step)) for motion in motions]) - command
+
+    sign = np.sign(residual_at(0.0) + command)[:, None]  # noise hardly changes it: it is its own instrument
+    beside = None if instruments is None else np.hstack([instruments, sign])
+    largest = EDGE_TIME / records[0].period
+    found = _fitted_lag(residual_at, np.hstack([sign, others]), beside, length, largest)
+    if found is not None:
+        columns = np.hstack([sign, found.slope[:, None], others])
+        width, error = first_strength(residual_at(found.lag), columns, columns if beside is None else beside, length)
+        if abs(width) <= criteria.interval_z_score * error:
+            found = None
+        else:
+            others = np.hstack([sign, others])
+    found = found or _fitted_lag(residual_at, others, instruments, length, largest)
     free = count // length - 1 - others.shape[1]  # blocks beyond the fitted lag and forces
-    if free < 1:
+    if found is None or free < 1:
         return None
     enlarged = stats.t.isf(stats.norm.sf(criteria.min_z_score), free) / criteria.min_z_score
-    lag, first = 0.0, together([motion.low_pass(motion.effort) for motion in motions]) - command
+    left, first = (_squared_beside(others, residual_at(lag)) for lag in (found.lag, 0.0))
+    if instruments is None and 1.0 - left / max(first, 1.0e-300) < criteria.min_imitable_share:
+        return None
+    return found.lag, enlarged * found.error
+
+
+@dataclass(frozen=True)
+class _Lag:
+    """A fitted lag.
+
+    Attributes:
+        lag: [samples].
+        error: its standard error, by its scatter between blocks of time [samples].
+        slope: decrease of the residual with the lag, shape (n,) [N per sample].
+    """
+
+    lag: float
+    error: float
+    slope: Floats
+
+
+def _fitted_lag(
+    residual_at: Callable[[float], Floats],
+    others: Floats,
+    instruments: Floats | None,
+    length: int,
+    largest: float,
+) -> _Lag | None:
+    """Return the lag beside which forces leave least of the residual, or None where the fit does not converge.
+
+    Args:
+        residual_at: residual with the effort read at a lag [samples], shape (n,).
+        others: forces that are fitted beside it, shape (n, k).
+        instruments: of lag and forces, shape (n, at least k + 1); they themselves if None.
+        length: number of samples of a block.
+        largest: magnitude of the lag beyond which the fit is given up [samples].
+    """
+    lag = 0.0
     for _ in range(MAX_STEPS):
-        now, later = (
-            together([motion.low_pass(delayed(motion.effort, at / motion.step)) for motion in motions])
-            for at in (lag, lag + LAG_STEP)
-        )
-        residual, columns = now - command, np.column_stack([(now - later) / LAG_STEP, others])
-        if not np.any(columns[:, 0]):
+        now = residual_at(lag)
+        slope = (now - residual_at(lag + LAG_STEP)) / LAG_STEP
+        if not np.any(slope):
             return None
-        step, error = first_strength(residual, columns, columns if instruments is None else instruments, length)
+        columns = np.column_stack([slope, others])
+        step, error = first_strength(now, columns, columns if instruments is None else instruments, length)
         lag += float(np.clip(step, -MAX_STEP, MAX_STEP))
-        if abs(lag) * records[0].period > EDGE_TIME:
+        if abs(lag) > largest:
             return None
         if abs(step) < MIN_STEP:
-            closed = 1.0 - _squared_beside(others, residual) / max(_squared_beside(others, first), 1.0e-300)
-            return (lag, enlarged * error) if instruments is not None or closed >= criteria.min_imitable_share else None
+            return _Lag(lag, error, slope)
     return None
 
 
