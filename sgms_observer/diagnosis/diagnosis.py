@@ -312,7 +312,7 @@ class WrittenFits:
         setup: setup of ``after``.
         estimates: of the free effect parameters of ``after``.
         strengths: of those among them that are strengths, where all effects keep the shapes of ``after``.
-        alike: as ``estimates``, where all recordings have the values of the file of ``after``.
+        with_common_values: as ``estimates``, where all recordings have the values of the file of ``fitted``.
         shares_above_noise: share of the squared gap above the noise that each effect closes beside the others.
     """
 
@@ -322,7 +322,7 @@ class WrittenFits:
     setup: RefitSetup
     estimates: RecordingEstimates
     strengths: RecordingEstimates
-    alike: RecordingEstimates
+    with_common_values: RecordingEstimates
     shares_above_noise: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
@@ -385,7 +385,7 @@ class WrittenFits:
         Returns:
             Infinite if the effect has no free strength parameter.
         """
-        found = self.alike.linear(self.after.effects)
+        found = self.with_common_values.linear(self.after.effects)
         errors = found.errors_with_significant_scatter(z_score)
         return self._largest(name, found, lambda column, zero: found.size_over(column, zero, float(errors[column])))
 

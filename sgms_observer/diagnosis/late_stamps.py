@@ -158,26 +158,36 @@ def lag_in_fast_sliding(
     def residual_at(lag: float) -> Floats:
         return together([motion.low_pass(delayed(motion.effort, lag / motion.step)) for motion in motions]) - command
 
-    sign = np.sign(residual_at(0.0) + command)[:, None]  # noise hardly changes it: it is its own instrument
-    beside = None if instruments is None else np.hstack([instruments, sign])
-    largest = EDGE_TIME / records[0].period
-    found = _fitted_lag(residual_at, np.hstack([sign, others]), beside, length, largest)
-    if found is not None:
-        columns = np.hstack([sign, found.slope[:, None], others])
-        width, error = first_strength(residual_at(found.lag), columns, columns if beside is None else beside, length)
-        if abs(width) <= criteria.interval_z_score * error:
-            found = None
-        else:
-            others = np.hstack([sign, others])
-    found = found or _fitted_lag(residual_at, others, instruments, length, largest)
-    free = count // length - 1 - others.shape[1]  # blocks beyond the fitted lag and forces
+    blocks, largest = count // length, EDGE_TIME / records[0].period
+    dead_zone = np.sign(residual_at(0.0) + command)[:, None]  # noise hardly changes it: it is its own instrument
+    with_it = np.hstack([dead_zone, others])
+    if np.linalg.matrix_rank(with_it) == with_it.shape[1] and blocks > 1 + with_it.shape[1]:
+        beside = None if instruments is None else np.hstack([dead_zone, instruments])
+        found = _fitted_lag(residual_at, with_it, beside, length, largest)
+        if found is not None:
+            columns = np.hstack([dead_zone, found.slope[:, None], others])
+            used = columns if beside is None else beside
+            width, error = first_strength(residual_at(found.lag), columns, used, length)
+            if abs(width) > error * _enlarged(criteria.min_z_score, blocks - columns.shape[1]):
+                others, instruments = with_it, beside
+    found = _fitted_lag(residual_at, others, instruments, length, largest)
+    free = blocks - 1 - others.shape[1]  # blocks beyond the fitted lag and forces
     if found is None or free < 1:
         return None
-    enlarged = stats.t.isf(stats.norm.sf(criteria.min_z_score), free) / criteria.min_z_score
     left, first = (_squared_beside(others, residual_at(lag)) for lag in (found.lag, 0.0))
     if instruments is None and 1.0 - left / max(first, 1.0e-300) < criteria.min_imitable_share:
         return None
-    return found.lag, enlarged * found.error
+    return found.lag, found.error * _enlarged(criteria.min_z_score, free) / criteria.min_z_score
+
+
+def _enlarged(z_score: float, free: int) -> float:
+    """Return the z-score that Student's distribution asks for in place of one of the normal distribution.
+
+    Args:
+        z_score: of the normal distribution.
+        free: degrees of freedom.
+    """
+    return float(stats.t.isf(stats.norm.sf(z_score), free))
 
 
 @dataclass(frozen=True)

@@ -510,8 +510,22 @@ def hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
         motion: the recording.
     """
     return np.where(
-        motion.hides_reversals, friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution), 0.0
+        motion.shows_no_motion, friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution), 0.0
     )
+
+
+def most_hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
+    """Return the largest decrease of friction that hidden reversals can add up to at each sample [N].
+
+    Each may let the friction fall, and what comes after it need not restore it all; how much of this adds up depends on
+    the contact law. A period of the motion's low-pass hides one reversal at most.
+
+    Args:
+        friction: settings of the contact.
+        motion: the recording.
+    """
+    one = friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution)
+    return np.minimum(one * motion.hidden_periods, 2.0 * friction.static_force)
 
 
 def unknown_initial_friction(friction: FrictionSettings, motion: Motion) -> Floats:

@@ -204,18 +204,35 @@ class Motion:
         return np.asarray(speed > REST_SHARE * float(np.quantile(speed, 0.995)), dtype=np.bool_)
 
     @cached_property
-    def hides_reversals(self) -> Booleans:
-        """Whether the encoder may hide reversals of the motion around each sample.
-
-        There it shows at most one step within a period of the motion's low-pass: a reversal within a step would be
-        faster than what passes. So it is at rest, and where the stage creeps.
-        """
+    def shows_no_motion(self) -> Booleans:
+        """Whether the encoder shows no motion within a period of the band around each sample."""
         if self.resolution <= 0.0:
             return np.zeros(len(self.time), dtype=np.bool_)
-        place = np.cumsum(self.first + self.second)
-        width = 2 * max(1, round(0.5 / (self.band * self.period))) + 1
+        moves = np.abs(self.first) + np.abs(self.second) > 0.0
+        return np.convolve(moves, np.ones(self._samples_of_band), mode="same") < 0.5
+
+    @cached_property
+    def hidden_periods(self) -> Floats:
+        """Number of periods of the motion's low-pass in which the encoder may have hidden reversals so far, 0 for none.
+
+        It may hide them at rest, and in creep that covers at most one of its steps in such a period. A stage that is
+        faster cannot reverse within a step, because the low-pass would not pass that.
+        """
+        if self.resolution <= 0.0:
+            return np.zeros(len(self.time))
+        corner = _GAUSSIAN_WIDTH * self.step / (self.contact_width * self.period)
+        place, width = np.cumsum(self.first + self.second), self._samples_of_band
         covered = ndimage.maximum_filter1d(place, width) - ndimage.minimum_filter1d(place, width)
-        return np.asarray(covered <= MOTION_BAND * self.resolution, dtype=np.bool_)
+        hides = covered <= self.resolution * max(1.0, corner * (width - 1) * self.period)
+        hides |= self.shows_no_motion
+        count = np.arange(1, len(hides) + 1)
+        so_far = count - np.maximum.accumulate(np.where(hides, 0, count))
+        return np.where(hides, 1.0 + corner * self.period * so_far, 0.0)
+
+    @property
+    def _samples_of_band(self) -> int:
+        """Number of samples in a period of the band around a sample."""
+        return 2 * max(1, round(0.5 / (self.band * self.period))) + 1
 
     @property
     def residual_period(self) -> float:

@@ -4,8 +4,8 @@ The model of the force noise is first-order noise plus white noise. Its corner f
 times the band: slower changes count as effects, not as noise. The spectrum is fitted to medians over frequency bands,
 so that spectral lines and slow effects do not count as noise. Where the contact sticks, its stiffness turns encoder
 noise into force noise, so residuals there have a lower weight. Where the encoder may hide reversals of the motion, the
-motion does not determine the friction. The variance of the hidden force is at least that of one reversal within the
-encoder resolution, by Masing's rule. Many small ones add up, by how much depends on the contact law: it is measured.
+motion does not determine the friction. At rest the variance of the hidden force is at least that of one reversal within
+the encoder resolution, by Masing's rule. Several add up, by how much depends on the contact law: it is measured.
 """
 
 from __future__ import annotations
@@ -28,23 +28,28 @@ MAX_STICK_VARIANCE = 100.0
 """Largest extra variance where the contact sticks or creeps."""
 _BANDS = 24
 _STICK_SMOOTHING = 0.024  # s
-_REST_AVERAGING_TIME = 0.05  # s over which residuals at rest are averaged; the hidden force does not average out
+_AVERAGING_TIME = 0.05  # s over which residuals are averaged; the hidden force does not average out
+_MIN_AVERAGES = 10  # independent averages that tell a variance
 _MEDIAN_OF_CHI2 = 0.6931  # median over mean of a periodogram's bins
 
 
 @dataclass(frozen=True)
-class Unknown:
+class UnknownFriction:
     """What the samples of a recording do not tell of the friction, at the rate of residuals.
 
     Attributes:
         stick_indicator: 0 where the contact slides, 1 where it sticks or creeps.
         square: mean square of the friction that the recording does not determine [N^2].
-        hides_reversals: whether the encoder may hide reversals.
+        most: the same if all hidden reversals add up [N^2].
+        rests: whether the encoder shows no motion.
+        creeps: whether it shows a motion so slow that it may hide reversals.
     """
 
     stick_indicator: Floats
     square: Floats
-    hides_reversals: Booleans
+    most: Floats
+    rests: Booleans
+    creeps: Booleans
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,8 @@ class Noise:
         white: white density [N^2/Hz].
         stick_variance: extra variance where the contact sticks or creeps, over the variance elsewhere.
         band: upper frequency of the residuals [Hz].
-        rest_variance: extra variance where the encoder may hide reversals, over the variance elsewhere.
+        rest_variance: extra variance where the encoder shows no motion, over the variance elsewhere, as measured.
+        creep_variance: the same where it may hide reversals of a slow motion.
     """
 
     period: float
@@ -68,6 +74,7 @@ class Noise:
     stick_variance: float
     band: float
     rest_variance: float = 0.0
+    creep_variance: float = 0.0
 
     def density(self, frequency: Floats) -> Floats:
         """Return the two-sided spectral density [N^2/Hz]."""
@@ -79,7 +86,7 @@ class Noise:
         grid = np.linspace(0.0, self.band, 2000)
         return float(np.sqrt(2.0 * trapezoid(self.density(grid), grid)))
 
-    def weights(self, unknown: Unknown) -> Floats:
+    def weights(self, unknown: UnknownFriction) -> Floats:
         """Return the weights of residuals before whitening.
 
         Args:
@@ -88,7 +95,7 @@ class Noise:
         sticking = self.stick_variance * unknown.stick_indicator**2
         return self._smoothed(np.maximum(sticking, self._hidden_variance(unknown)))
 
-    def gap_weights(self, unknown: Unknown) -> Floats:
+    def gap_weights(self, unknown: UnknownFriction) -> Floats:
         """Return the weights of residuals in the gap: low where the encoder resolution hides the force.
 
         Args:
@@ -96,13 +103,17 @@ class Noise:
         """
         return self._smoothed(self._hidden_variance(unknown))
 
-    def _hidden_variance(self, unknown: Unknown) -> Floats:
+    def _hidden_variance(self, unknown: UnknownFriction) -> Floats:
         """Return the extra variance of what the motion does not determine, over the variance elsewhere.
 
-        That is the computed mean square over that of the averaged noise at rest, or what was measured, if it is larger.
+        That is the computed mean square over that of the averaged noise, or what was measured, if it is larger and not
+        more than all hidden reversals together can make.
         """
-        computed = unknown.square * (_REST_AVERAGING_TIME / float(self.density(np.zeros(1))[0]))
-        return np.asarray(np.maximum(computed, self.rest_variance * unknown.hides_reversals))
+        over_noise = _AVERAGING_TIME / float(self.density(np.zeros(1))[0])
+        measured = self.rest_variance * unknown.rests + self.creep_variance * unknown.creeps
+        return np.asarray(
+            np.maximum(unknown.square * over_noise, np.minimum(measured, unknown.most * over_noise)), dtype=np.float64
+        )
 
     def _smoothed(self, extra: Floats) -> Floats:
         """Return the weights for an extra variance, over the variance elsewhere."""
@@ -167,7 +178,7 @@ def largest_noise(noise: Sequence[Noise]) -> Noise:
     return max(noise, key=lambda one: one.rms)
 
 
-def fit_noise(residual: Floats, unknown: Unknown, period: float, band: float, least: float = 0.0) -> Noise:
+def fit_noise(residual: Floats, unknown: UnknownFriction, period: float, band: float, least: float = 0.0) -> Noise:
     """Fit the noise of a residual.
 
     Args:
@@ -178,10 +189,13 @@ def fit_noise(residual: Floats, unknown: Unknown, period: float, band: float, le
         least: smallest rms noise of a measured force [N]; added as white noise.
     """
     slow = _Slow.of(residual, unknown.stick_indicator, period)
-    rest_variance = slow.rest_variance(unknown.hides_reversals)
-    start = Noise(period, 1.0, LOWEST_CORNER * band, 0.0, slow.stick_variance, band, rest_variance)
-    found = _with_spectrum(start, residual, start.weights(replace(unknown, square=np.zeros(len(residual)))))
-    if np.any(unknown.square):
+    start = Noise(
+        period, 1.0, LOWEST_CORNER * band, 0.0, slow.stick_variance, band,
+        slow.variance_in(unknown.rests), slow.variance_in(unknown.creeps),
+    )  # fmt: skip
+    nothing, no_limit = np.zeros(len(residual)), np.full(len(residual), np.inf)
+    found = _with_spectrum(start, residual, start.weights(replace(unknown, square=nothing, most=no_limit)))
+    if np.any(unknown.square) or np.any(unknown.most):
         found = _with_spectrum(start, residual, found.weights(unknown))
     return replace(found, white=found.white + least**2 / (2.0 * band))
 
@@ -236,7 +250,7 @@ class _Slow:
     @classmethod
     def of(cls, residual: Floats, stick_indicator: Floats, period: float) -> _Slow:
         """Return the slow residuals; arguments as for ``fit_noise``."""
-        width = max(3, int(_REST_AVERAGING_TIME / period))
+        width = max(3, int(_AVERAGING_TIME / period))
         return cls(np.abs(_averaged(residual, width)), _averaged(stick_indicator**2, width), width)
 
     @property
@@ -247,10 +261,11 @@ class _Slow:
             return 0.0
         return float(min(MAX_STICK_VARIANCE, self._growth(tight) / self.square[tight].mean()))
 
-    def rest_variance(self, hides_reversals: Booleans) -> float:
-        """Return the growth of the variance where the encoder may hide reversals for as long as is averaged."""
-        hides = _averaged(hides_reversals.astype(np.float64), self.width) > 0.999
-        return min(MAX_STICK_VARIANCE, self._growth(hides)) if hides.any() else 0.0
+    def variance_in(self, there: Booleans) -> float:
+        """Return the growth of the variance in some samples, 0 where too few of their neighbours are of them, too."""
+        inside = _averaged(there.astype(np.float64), self.width) > 0.999
+        enough = np.count_nonzero(inside) >= _MIN_AVERAGES * self.width
+        return min(MAX_STICK_VARIANCE, self._growth(inside)) if enough else 0.0
 
     @property
     def _is_loose(self) -> Booleans:

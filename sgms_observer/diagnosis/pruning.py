@@ -32,7 +32,7 @@ from sgms_observer.diagnosis.diagnosis import (
 )
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
+from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Freedom, Refit, RefitSetup
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.instruments import Share, delay_in_response, is_shown, or_in_response
 from sgms_observer.diagnosis.model import Model
@@ -76,33 +76,38 @@ def without_redundant_effects(
 
 
 def with_friction_of_file(state: FitState, rounds: Sequence[Round], options: Options) -> FitState:
-    """Return the state in which only those friction values are free that are beyond the tolerance of the file.
+    """Return the state in which friction values that the effects explain stay within the tolerance of the file.
 
     A change of the contact may have freed all of them before an effect was found that moved them. Beside the effect
-    they are back within the tolerance, and without it they could imitate a part of it. Nothing changes without an
-    effect, or if the state with free values predicts significantly better.
+    some are back within the tolerance, and without it they could imitate a part of it. Nothing changes where no effect
+    was added, or if the state with free values predicts significantly better.
 
     Args:
         state: state with everything that was accepted.
         rounds: rounds so far.
         options: options of the diagnosis.
     """
-    setup, found = state.setup, state.current
-    logs = total_force_logs(found.logs, setup.nominal, found.effects)
-    moved = {
-        name
-        for name, log in zip(setup.nominal.parameter_names(), logs.tolist(), strict=True)
-        if abs(log) > math.log1p(setup.tolerance)
-    }
-    freedom = replace(setup.freedom, friction=setup.freedom.friction & moved)
-    if freedom == setup.freedom or not _with_effects(rounds):
+    if not state.setup.freedom.friction or not _with_effects(rounds):
         return state
-    held = replace(setup, freedom=freedom)
-    within = held.fit(found.effects, found.logs)
+    setup, found = state.setup, state.current
+    while (freedom := _without_unmoved(setup, found)) != setup.freedom:
+        setup = replace(setup, freedom=freedom)
+        found = setup.fit(found.effects, found.logs)
+    if setup is state.setup:
+        return state
     evaluation = state.evaluation(options)
-    less, full = (evidence_of(finish_fit(*pair), evaluation) for pair in ((held, within), (setup, found)))
-    is_needed = improvement(less.all, full.all).z_score > options.criteria.min_z_score
-    return state if is_needed else replace(state, setup=held).refitted(within)
+    pairs = (setup, found), (state.setup, state.current)
+    held, free = (evidence_of(finish_fit(*pair), evaluation) for pair in pairs)
+    is_needed = improvement(held.all, free.all).z_score > options.criteria.min_z_score
+    return state if is_needed else replace(state, setup=setup).refitted(found)
+
+
+def _without_unmoved(setup: RefitSetup, found: Refit) -> Freedom:
+    """Return the freedom of a setup without the friction values that a fit leaves within the tolerance of the file."""
+    logs = total_force_logs(found.logs, setup.nominal, found.effects).tolist()
+    named = zip(setup.nominal.parameter_names(), logs, strict=True)
+    moved = {name for name, log in named if abs(log) > math.log1p(setup.tolerance)}
+    return replace(setup.freedom, friction=setup.freedom.friction & moved)
 
 
 def compared_again(
@@ -228,7 +233,8 @@ def without_insignificant_effects(
 
     An effect of the machine appears in all recordings: estimated from the held-out ones alone, its strength has the
     same sign and differs significantly from zero. A fit at an end of its range is no estimate: where everything else
-    holds, an effect that ends there is removed too.
+    holds, an effect that ends there is removed too. Friction values that the effects explain stay within the tolerance
+    of the file meanwhile, see ``with_friction_of_file``; in the returned state they are as free as before.
 
     Args:
         found: state after the refit within the tolerance.
@@ -240,7 +246,7 @@ def without_insignificant_effects(
     without = _written_without(found, nominal, found.evaluation(options))
     while True:
         evaluation = state.evaluation(options)
-        written = _as_written(without, found, state, nominal, evaluation)
+        written = _as_written(without, found, with_friction_of_file(state, rounds, options), nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
         closed_gap = ClosedGap(names, written, file_contact, evaluation)
@@ -462,10 +468,12 @@ def _as_written(
     estimates = strengths = recording_estimates(last, fresh, state.held_out_motions)
     if of_strengths.free != fresh.free:
         strengths = recording_estimates(last, of_strengths, state.held_out_motions)
-    alike = recording_estimates(last, fresh, state.held_out_motions, has_common_values=True)
+    common = estimates
+    if any(needs_visible_contact(item.name) for item in after.effects):
+        common = recording_estimates(last, fresh, state.held_out_motions, has_common_values=True)
     best = evaluation.best_for_gap(last, after)
     before = before if best is after else without.before
-    return WrittenFits(before, best, after, last, estimates, strengths, alike)
+    return WrittenFits(before, best, after, last, estimates, strengths, common)
 
 
 def _with_derivatives(setup: RefitSetup, found: Refit, only_strengths: bool) -> Refit:

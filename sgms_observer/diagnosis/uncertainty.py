@@ -166,12 +166,13 @@ def as_time_series(whitened: Floats, data: WhitenedData) -> list[Floats]:
     return series
 
 
-def standard_errors(found: Refit, data: WhitenedData) -> Floats:
+def standard_errors(found: Refit, data: WhitenedData, is_nominal_held: bool = False) -> Floats:
     """Return the standard error of each free effect parameter, SI units.
 
     Args:
         found: fit with derivatives at its solution.
         data: recordings that it was fitted to.
+        is_nominal_held: whether the nominal parameters count as known.
 
     Returns:
         The larger of the error from the noise and the error from the jackknife over blocks; 0 where the residual hardly
@@ -184,11 +185,12 @@ def standard_errors(found: Refit, data: WhitenedData) -> Floats:
     if count == 0:
         return np.zeros(0)
     rows = len(found.residual)
-    prior = found.jacobian[rows:]
-    normal = found.jacobian.T @ found.jacobian
+    jacobian = found.jacobian[:, found.jacobian.shape[1] - count :] if is_nominal_held else found.jacobian
+    prior = jacobian[rows:]
+    normal = jacobian.T @ jacobian
     inverse = np.linalg.pinv(normal)
     parts: list[Floats] = []
-    columns = np.column_stack([found.jacobian[:rows], found.residual])
+    columns = np.column_stack([jacobian[:rows], found.residual])
     for motion, series in zip(data.motions, as_time_series(columns, data), strict=True):
         blocks = max(2, int(len(motion.time) * motion.period / BLOCK_LENGTH))
         parts += np.array_split(series, blocks)
@@ -227,7 +229,8 @@ def recording_estimates(
         setup: setup of the fit.
         found: the fit, with derivatives at its solution.
         others: other recordings.
-        has_common_values: whether the other recordings have the nominal parameters of the fit, or their own.
+        has_common_values: whether the other recordings have the nominal parameters of the fit, which then count as
+            known, or their own.
     """
     values = [[found.effects[i].values[j] for i, j in found.free]]
     errors = [standard_errors(found, setup.data)]
@@ -237,7 +240,7 @@ def recording_estimates(
         alone = replace(setup, data=data_with_own_noise((motion,), found.model))
         fit = alone.fit(found.effects, found.logs, fixed, is_nominal_held=has_common_values)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
-        errors.append(standard_errors(fit, alone.data))
+        errors.append(standard_errors(fit, alone.data, has_common_values))
     return RecordingEstimates(found.free, np.array(values), np.array(errors))
 
 

@@ -9,9 +9,15 @@ import numpy as np
 
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.contact_slopes import contact_slopes
-from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict, unknown_initial_friction
+from sgms_observer.diagnosis.model import (
+    Model,
+    hidden_friction_drop,
+    most_hidden_friction_drop,
+    predict,
+    unknown_initial_friction,
+)
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise, Unknown, fit_noise, largest_noise
+from sgms_observer.diagnosis.noise import Noise, UnknownFriction, fit_noise, largest_noise
 
 MIN_NOISE_SHARE = 1.0e-3
 """Smallest rms noise of a measured force, as a share of the effort."""
@@ -95,27 +101,36 @@ def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Mod
 
     Args:
         motions: recordings; may be empty.
-        data: the other recordings; the largest of their noises is used.
+        data: the other recordings; the largest of their noises is used, with the largest extra variances.
         model: model that computes where the contact sticks.
     """
-    noise = largest_noise(data.noise)
+    noise = replace(
+        largest_noise(data.noise),
+        rest_variance=max(one.rest_variance for one in data.noise),
+        creep_variance=max(one.creep_variance for one in data.noise),
+    )
     noises = [replace(noise, period=motion.residual_period) for motion in motions]
     return _whitened_data(motions, noises, [_unknown(model, motion) for motion in motions])
 
 
-def _whitened_data(motions: Sequence[Motion], noises: Sequence[Noise], unknown: Sequence[Unknown]) -> WhitenedData:
+def _whitened_data(
+    motions: Sequence[Motion], noises: Sequence[Noise], unknown: Sequence[UnknownFriction]
+) -> WhitenedData:
     """Return recordings with their noise and the weights that follow from it."""
     pairs = list(zip(noises, unknown, strict=True))
     weights = tuple(noise.weights(one) for noise, one in pairs)
     return WhitenedData(tuple(motions), tuple(noises), weights, tuple(noise.gap_weights(one) for noise, one in pairs))
 
 
-def _unknown(model: Model, motion: Motion) -> Unknown:
+def _unknown(model: Model, motion: Motion) -> UnknownFriction:
     """Return what a recording does not tell of the friction; the model computes where the contact sticks."""
-    return Unknown(
+    hides, rests = motion.hidden_periods > 0.0, motion.shows_no_motion
+    return UnknownFriction(
         motion.thinned(motion.stick_indicator(predict(model, motion).sticking)),
         motion.thinned(_hidden_square(model, motion)),
-        motion.thinned(motion.hides_reversals),
+        motion.thinned(most_hidden_friction_drop(model.friction, motion) ** 2 / 3.0),
+        motion.thinned(rests),
+        motion.thinned(hides & ~rests),
     )
 
 

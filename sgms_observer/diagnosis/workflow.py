@@ -41,7 +41,6 @@ from sgms_observer.diagnosis.motion import BAND, HELD_LAG
 from sgms_observer.diagnosis.pruning import (
     compared,
     compared_again,
-    with_friction_of_file,
     without_insignificant_effects,
     without_redundant_effects,
 )
@@ -230,21 +229,15 @@ def _search_and_prune(
     listed = [item.name for item in known_effects]
     state, rounds = _best_search(_Search((file_state,)), known_effects, options, report)
     removed: frozenset[str] = frozenset()
-    is_settled = True
     while True:
-        free, rounds = compared_again(*without_redundant_effects(state, rounds, options), listed, options)
-        held = with_friction_of_file(free, rounds, options)
+        state, rounds = compared_again(*without_redundant_effects(state, rounds, options), listed, options)
         accepted = _names_of(rounds)
         report("refit of the file's own elements", LAST_SHARE)
-        state, rounds, written = without_insignificant_effects(file_state, held, rounds, nominal, options)
+        state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
         remaining = _names_of(rounds)
-        if remaining == accepted and is_settled:
+        if remaining == accepted:
             return state, rounds, written
         removed |= accepted - remaining
-        is_settled = held is free or remaining == accepted
-        if not is_settled:  # without the removed effect, what held the friction values is gone
-            state = state.with_freedom(free.setup.freedom)
-            continue
         effects = sum(one.settings is not None for one in accepted_candidates(rounds))
         rest = replace(
             options, excluded=options.excluded | removed | remaining,

@@ -16,6 +16,7 @@ from sgms_observer.diagnosis.decision import Decision, comparisons, z_score_betw
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import Improvement, preference
+from sgms_observer.diagnosis.fit import FRICTION_VALUES
 from sgms_observer.diagnosis.gap import effort_rms
 from sgms_observer.diagnosis.gap_data import GapData
 from sgms_observer.diagnosis.workflow import diagnose
@@ -138,16 +139,21 @@ def test_beside_a_second_one_neither_has_a_name(explained: Answer) -> None:
     assert not refused.accepted and refused.unnamed_contact_effects == {"stribeck", "frictional_lag"}
 
 
-@pytest.mark.parametrize("freed", [frozenset(), frozenset({"static_force"})])
+@pytest.mark.parametrize(
+    ("changed", "parts"), [((), 0), (("static_force",), 1), (("static_force", "coulomb_force"), 2)]
+)
 def test_beside_friction_values_that_left_their_tolerance_it_has_no_name(
-    freed: frozenset[str], explained: Answer
+    changed: tuple[str, ...], parts: int, explained: Answer
 ) -> None:
     """A fall of the friction was named, on a file whose static force had to fall by 15 % beside it."""
     found = explained.diagnosis
-    setup = replace(found.written.setup, freedom=replace(found.written.setup.freedom, friction=freed))
-    answer = answer_of(replace(found, written=replace(found.written, setup=setup)), AXIS, OPTIONS)
+    freedom = replace(found.written.setup.freedom, friction=FRICTION_VALUES)
+    written = replace(found.written, setup=replace(found.written.setup, freedom=freedom))
+    file = replace(found.nominal.friction, **{name: 1.2 * getattr(found.nominal.friction, name) for name in changed})
+    nominal = replace(found.nominal, friction=file)
+    answer = answer_of(replace(found, written=written, nominal=nominal), AXIS, OPTIONS)
     (test,) = [one for one in answer.tests if one.name == "other parts of another contact law"]
-    assert test.value == len(freed) and test.passed == (not freed) == bool(answer.effects)
+    assert test.value == parts and test.passed == (not changed) == bool(answer.effects)
 
 
 @pytest.mark.parametrize(("share", "is_named"), [(0.51, True), (0.49, False)])

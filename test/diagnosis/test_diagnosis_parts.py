@@ -19,7 +19,7 @@ from sgms_observer.diagnosis.fit import Freedom, RefitSetup, refit
 from sgms_observer.diagnosis.gap import rms
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, long_enough, motion_of, play_operator, without_jitter
-from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, Unknown, fit_noise
+from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, UnknownFriction, fit_noise
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
 from sgms_observer.diagnosis.screen import MANY_SHAPES, SINES_OF_POSITION, Screen
 from sgms_observer.diagnosis.whitened import data_with_own_noise
@@ -40,9 +40,10 @@ def test_the_motion_knows_the_encoders_step_in_a_recording_as_it_is_read(step: f
     assert motion_of(Recording("table", PERIOD, smooth, smooth)).resolution == 0.0
 
 
-def all_known(count: int) -> Unknown:
+def all_known(count: int) -> UnknownFriction:
     """Return what samples do not tell while the contact slides: nothing."""
-    return Unknown(np.zeros(count), np.zeros(count), np.zeros(count, dtype=bool))
+    nothing, nowhere = np.zeros(count), np.zeros(count, dtype=bool)
+    return UnknownFriction(nothing, nothing, nothing, nowhere, nowhere)
 
 
 def test_play_takes_flicker_off_and_nothing_else() -> None:

@@ -266,6 +266,7 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
     [
         ("quadratic_drag", (5.0,), Freedom(friction=FRICTION_VALUES), False),
         ("quadratic_drag", (5.0,), Freedom(), True),
+        ("quadratic_drag", (5.0,), Freedom(friction=frozenset({"stribeck_velocity"})), True),
         ("offset", (0.5,), Freedom(friction=FRICTION_VALUES), True),
     ],
 )

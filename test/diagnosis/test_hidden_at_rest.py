@@ -19,10 +19,15 @@ from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import RefitSetup
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import FittedMap
-from sgms_observer.diagnosis.model import Model, friction_drop_after_reversal, hidden_by_encoder
-from sgms_observer.diagnosis.motion import MOTION_BAND, Motion, motion_of
-from sgms_observer.diagnosis.noise import Unknown, fit_noise
-from sgms_observer.diagnosis.whitened import data_with_own_noise
+from sgms_observer.diagnosis.model import (
+    Model,
+    friction_drop_after_reversal,
+    hidden_by_encoder,
+    most_hidden_friction_drop,
+)
+from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.noise import UnknownFriction, fit_noise, largest_noise
+from sgms_observer.diagnosis.whitened import data_with_noise_of, data_with_own_noise
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings, EncoderSettings, StageSettings
@@ -43,55 +48,92 @@ def resting(step: float, is_released: bool) -> Motion:
         rested = np.arange(len(position)) - np.maximum.accumulate(np.where(moves, np.arange(len(position)), 0))
         effort *= 0.3 + 0.7 * np.exp(-rested * found.period / MEMORY)
     position = np.round(position / step) * step
-    return motion_of(Recording("resting", found.period, position, effort))
+    return motion_of(Recording("resting", found.period, position, effort, recorded_step=step))
 
 
-def test_samples_at_rest_count_little_on_a_coarse_grid_only() -> None:
-    motion = resting(COARSE, is_released=False)
+@pytest.mark.parametrize("is_released", [False, True])
+def test_samples_at_rest_count_little_on_a_coarse_grid_only(is_released: bool) -> None:
+    motion = resting(COARSE, is_released=is_released)
     (weights,) = data_with_own_noise((motion,), MODEL).gap_weights
-    still = motion.thinned(motion.hides_reversals)
+    still = motion.thinned(motion.shows_no_motion)
     assert 0.05 < np.mean(still) < 0.5
     assert np.median(weights[still]) < 0.2
     assert np.median(weights[~still]) == 1.0
-    fine = resting(1.0e-10, is_released=False)
-    assert np.min(data_with_own_noise((fine,), MODEL).gap_weights[0]) > 0.99
+    fine = resting(1.0e-11, is_released=is_released)
+    assert fine.resolution == 1.0e-11 and np.any(fine.shows_no_motion)
+    assert np.min(data_with_own_noise((fine,), MODEL).gap_weights[0]) > 0.9
 
 
-def creeping(step: float, rate: float) -> Motion:
-    """Return a motion that slides for four seconds, then creeps for three at a rate [encoder steps/s], then slides."""
-    time = np.arange(0.0, 11.0, 0.001)
-    speed = np.where((time > 4.0) & (time < 7.0), rate * step, 0.02 * np.sin(2.0 * np.pi * 0.5 * time))
-    position = np.round(np.cumsum(speed) * 0.001 / step) * step
-    return motion_of(Recording("creeping", 0.001, position, np.sign(speed)))
+def creeping(rate: float, period: float) -> Motion:
+    """Return a motion that slides for four seconds, creeps for three at a rate [encoder steps/s], and slides."""
+    time = np.arange(0.0, 11.0, period)
+    speed = np.where((time > 4.0) & (time < 7.0), rate * STEP, 0.02 * np.sin(2.0 * np.pi * 0.5 * time))
+    position = np.round(np.cumsum(speed) * period / STEP) * STEP
+    return motion_of(Recording("creeping", period, position, np.sign(speed)))
 
 
-@pytest.mark.parametrize(("rate", "is_hidden"), [(0.0, True), (50.0, True), (200.0, True), (400.0, False)])
-def test_an_encoder_hides_reversals_of_a_stage_that_creeps(rate: float, is_hidden: bool) -> None:
-    """A friction that creeps forward step by step was expected to be known, and the effort fell all the same."""
-    motion = creeping(1.0e-6, rate)
-    assert MOTION_BAND * motion.band == 250.0  # steps per second
-    creeps = (motion.time > 4.1) & (motion.time < 6.9)
-    slides = np.abs(motion.velocity) > 0.01
-    assert np.all(motion.hides_reversals[creeps] == is_hidden)
-    assert not np.any(motion.hides_reversals[slides])
+STEP = 1.0e-6
+"""Encoder step of a creeping stage [m]."""
 
 
-@pytest.mark.parametrize("is_hidden", [True, False])
-def test_samples_where_reversals_are_hidden_count_as_much_less_as_they_scatter_more(is_hidden: bool) -> None:
-    """Many small reversals add up to a decrease that one of them does not explain."""
+@pytest.mark.parametrize(("period", "corner"), [(0.001, 250.0), (0.002, 175.0), (0.004, 87.5)])
+@pytest.mark.parametrize(("share", "is_hidden"), [(0.0, True), (0.2, True), (0.6, True), (2.0, False)])
+def test_an_encoder_hides_reversals_of_a_stage_that_creeps(
+    share: float, is_hidden: bool, period: float, corner: float
+) -> None:
+    """In creep of a step per period of the low-pass the force of a stage may fall although it moves forward."""
+    motion = creeping(share * corner, period)
+    creeps = (motion.time > 4.2) & (motion.time < 6.8)
+    assert np.mean(motion.hidden_periods[creeps] > 0.0) == pytest.approx(float(is_hidden), abs=0.1)
+    assert not np.any(motion.hidden_periods[np.abs(motion.velocity) > 0.015])
+
+
+def test_reversals_add_up_while_they_are_hidden() -> None:
+    motion = creeping(0.0, 0.001)
+    first, last = (int(np.searchsorted(motion.time, at)) for at in (4.1, 6.9))
+    lasted = motion.hidden_periods[last] - motion.hidden_periods[first]
+    assert lasted == pytest.approx(2.8 * 250.0)
+    friction = MODEL.friction
+    one = friction_drop_after_reversal(friction, 1.2 * STEP)
+    most = most_hidden_friction_drop(friction, motion)
+    assert most[first] == pytest.approx(min(one * motion.hidden_periods[first], 2.0 * friction.static_force))
+    assert np.all(most[motion.hidden_periods == 0.0] == 0.0) and np.max(most) <= 2.0 * friction.static_force
+
+
+@pytest.mark.parametrize(
+    ("kind", "weight"), [("rests", "measured"), ("creeps", "measured"), ("", "1"), ("rests", "most")]
+)
+def test_samples_in_which_reversals_are_hidden_count_as_much_less_as_they_scatter_more(kind: str, weight: str) -> None:
+    """Several reversals add up to more than one of them, and at most to all of them."""
     rng = np.random.default_rng(1)
-    rests = np.arange(4000) % 800 >= 400
-    level = np.where(rests, 0.08 * np.sign(np.sin(np.arange(4000) // 800)), 0.0)
-    residual = level + 0.05 * rng.standard_normal(4000)
-    unknown = Unknown(rests.astype(np.float64), np.zeros(4000), rests & is_hidden)
+    count, place = 8000, np.arange(8000) % 800
+    there = place >= 400
+    residual = np.where(there, 0.08 * (-1.0) ** (np.arange(count) // 800), 0.0) + 0.05 * rng.standard_normal(count)
+    nothing = np.zeros(count)
+    most = np.where(there, 0.01**2 if weight == "most" else 1.0, 0.0)
+    unknown = UnknownFriction(there * 1.0, nothing, most, there & (kind == "rests"), there & (kind == "creeps"))
     found = fit_noise(residual, unknown, 0.005, 50.0)
     weights = found.gap_weights(unknown)
-    middle = np.arange(4000) % 800 == 600
-    assert np.all(weights[~rests & (np.arange(4000) % 800 > 50) & (np.arange(4000) % 800 < 350)] == 1.0)
-    if is_hidden:  # the median of the averaged noise is 0.67 of its rms
-        assert np.median(weights[middle]) == pytest.approx(0.67 * 0.05 / np.sqrt(10.0) / 0.08, rel=0.2)
-    else:
-        assert found.rest_variance == 0.0 and np.all(weights == 1.0)
+    assert np.all(weights[(place > 50) & (place < 350)] == 1.0)
+    averaged = 0.05 / np.sqrt(10.0)  # rms of the noise over the averaging time; its median is 0.67 of that
+    expected = {"measured": 0.67 * averaged / 0.08, "1": 1.0, "most": 1.0 / np.hypot(1.0, 0.01 / averaged)}[weight]
+    assert np.median(weights[place == 600]) == pytest.approx(expected, rel=0.25)
+
+
+def test_a_short_rest_tells_no_variance() -> None:
+    rng = np.random.default_rng(1)
+    there = (np.arange(4000) > 2000) & (np.arange(4000) < 2040)
+    residual = rng.standard_normal(4000) + 9.0 * there
+    unknown = UnknownFriction(there * 1.0, np.zeros(4000), there * 1.0, there, ~there)
+    assert fit_noise(residual, unknown, 0.005, 50.0).rest_variance == 0.0
+
+
+def test_what_is_judged_has_the_variances_of_any_recording_that_shows_them() -> None:
+    rests, moves = resting(COARSE, is_released=True), creeping(0.0, 0.001)
+    loud = replace(moves, effort=moves.effort + 5.0 * np.random.default_rng(1).standard_normal(len(moves.effort)))
+    data = data_with_own_noise((rests, loud), MODEL)
+    assert largest_noise(data.noise) is data.noise[1] and data.noise[0].rest_variance > data.noise[1].rest_variance
+    assert data_with_noise_of((rests,), data, MODEL).noise[0].rest_variance == data.noise[0].rest_variance
 
 
 def test_the_fall_after_a_reversal_is_masings() -> None:

@@ -299,6 +299,19 @@ def test_recordings_of_one_machine_are_compared_with_one_set_of_friction_values(
     assert abs(alike[1] - alike[0]) < 0.3 * abs(apart[1] - apart[0])
 
 
+@pytest.mark.parametrize(("there", "is_one"), [(0.6, True), (0.4, False)])
+def test_a_dead_zone_that_differs_by_a_third_between_recordings_is_no_dead_zone(there: float, is_one: bool) -> None:
+    learn, other = (
+        motion_of(record((EffectSettings("actuator_dead_zone", (width,)),), seed, 12.0))
+        for seed, width in ((1, 0.6), (2, there))
+    )
+    hidden = (EffectSettings("actuator_dead_zone", (0.6,)),)
+    setup = RefitSetup(data_with_own_noise((learn,), MODEL.with_effects(hidden)), MODEL, 0.05)
+    found = recording_estimates(setup, finish_fit(setup, setup.fit(hidden)), [other], has_common_values=True)
+    strength = found.size_over(0, 0.0, float(found.errors_with_significant_scatter(1.645)[0]))
+    assert (strength > 1.645) == is_one
+
+
 def test_two_recordings_hardly_tell_how_much_a_size_scatters() -> None:
     """Each shows a gain surely. They differ by a quarter of it, of which Student's distribution makes all."""
     found = estimates((0.84, 0.002), (0.88, 0.002))
