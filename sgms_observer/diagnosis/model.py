@@ -503,15 +503,14 @@ def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Flo
 def hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
     """Return the largest decrease of friction that the encoder resolution can hide at each sample [N].
 
-    Where the encoder shows no motion, the contact may have moved back by up to the width of the play operator.
+    Where the encoder may hide a reversal, the contact may have moved back by up to the width of the play operator.
 
     Args:
         friction: settings of the contact.
         motion: the recording.
     """
-    return np.where(
-        motion.shows_no_motion, friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution), 0.0
-    )
+    one = friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution)
+    return np.where(motion.hidden_periods > 0.0, one, 0.0)
 
 
 def most_hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:

@@ -40,16 +40,12 @@ class UnknownFriction:
     Attributes:
         stick_indicator: 0 where the contact slides, 1 where it sticks or creeps.
         square: mean square of the friction that the recording does not determine [N^2].
-        most: the same if all hidden reversals add up [N^2].
-        rests: whether the encoder shows no motion.
-        creeps: whether it shows a motion so slow that it may hide reversals.
+        most: the same if all reversals that the encoder may hide add up [N^2]; 0 where it hides none.
     """
 
     stick_indicator: Floats
     square: Floats
     most: Floats
-    rests: Booleans
-    creeps: Booleans
 
 
 @dataclass(frozen=True)
@@ -63,8 +59,7 @@ class Noise:
         white: white density [N^2/Hz].
         stick_variance: extra variance where the contact sticks or creeps, over the variance elsewhere.
         band: upper frequency of the residuals [Hz].
-        rest_variance: extra variance where the encoder shows no motion, over the variance elsewhere, as measured.
-        creep_variance: the same where it may hide reversals of a slow motion.
+        rest_variance: extra variance where the encoder may hide reversals, over the variance elsewhere, as measured.
     """
 
     period: float
@@ -74,7 +69,6 @@ class Noise:
     stick_variance: float
     band: float
     rest_variance: float = 0.0
-    creep_variance: float = 0.0
 
     def density(self, frequency: Floats) -> Floats:
         """Return the two-sided spectral density [N^2/Hz]."""
@@ -110,10 +104,8 @@ class Noise:
         more than all hidden reversals together can make.
         """
         over_noise = _AVERAGING_TIME / float(self.density(np.zeros(1))[0])
-        measured = self.rest_variance * unknown.rests + self.creep_variance * unknown.creeps
-        return np.asarray(
-            np.maximum(unknown.square * over_noise, np.minimum(measured, unknown.most * over_noise)), dtype=np.float64
-        )
+        measured = np.minimum(self.rest_variance, unknown.most * over_noise)
+        return np.asarray(np.maximum(unknown.square * over_noise, measured), dtype=np.float64)
 
     def _smoothed(self, extra: Floats) -> Floats:
         """Return the weights for an extra variance, over the variance elsewhere."""
@@ -189,11 +181,10 @@ def fit_noise(residual: Floats, unknown: UnknownFriction, period: float, band: f
         least: smallest rms noise of a measured force [N]; added as white noise.
     """
     slow = _Slow.of(residual, unknown.stick_indicator, period)
-    start = Noise(
-        period, 1.0, LOWEST_CORNER * band, 0.0, slow.stick_variance, band,
-        slow.variance_in(unknown.rests), slow.variance_in(unknown.creeps),
-    )  # fmt: skip
-    nothing, no_limit = np.zeros(len(residual)), np.full(len(residual), np.inf)
+    hides = unknown.most > 0.0
+    rest_variance = slow.variance_in(hides)
+    start = Noise(period, 1.0, LOWEST_CORNER * band, 0.0, slow.stick_variance, band, rest_variance)
+    nothing, no_limit = np.zeros(len(residual)), np.where(hides, np.inf, 0.0)
     found = _with_spectrum(start, residual, start.weights(replace(unknown, square=nothing, most=no_limit)))
     if np.any(unknown.square) or np.any(unknown.most):
         found = _with_spectrum(start, residual, found.weights(unknown))

@@ -29,7 +29,8 @@ def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Gene
     """
     found = predict(model, motion)
     needed = motion.effort - found.residual
-    rest = np.cumsum(np.diff(motion.shows_no_motion, prepend=False) & motion.shows_no_motion)
+    hides = motion.hidden_periods > 0.0
+    rest = np.cumsum(np.diff(hides, prepend=False) & hides)
     fallen = rng.uniform(0.0, 1.0, rest[-1] + 1)[rest] * hidden_friction_drop(model.friction, motion)
     started = rng.uniform(-0.5, 0.5) * unknown_initial_friction(model.friction, motion)
     effort = needed - np.sign(found.friction) * fallen + started + coloured(noise, len(needed), motion.period, rng)

@@ -101,14 +101,11 @@ def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Mod
 
     Args:
         motions: recordings; may be empty.
-        data: the other recordings; the largest of their noises is used, with the largest extra variances.
+        data: the other recordings; the largest of their noises is used, with the largest extra variance at rest.
         model: model that computes where the contact sticks.
     """
-    noise = replace(
-        largest_noise(data.noise),
-        rest_variance=max(one.rest_variance for one in data.noise),
-        creep_variance=max(one.creep_variance for one in data.noise),
-    )
+    rest_variance = max(one.rest_variance for one in data.noise)
+    noise = replace(largest_noise(data.noise), rest_variance=rest_variance)
     noises = [replace(noise, period=motion.residual_period) for motion in motions]
     return _whitened_data(motions, noises, [_unknown(model, motion) for motion in motions])
 
@@ -124,13 +121,10 @@ def _whitened_data(
 
 def _unknown(model: Model, motion: Motion) -> UnknownFriction:
     """Return what a recording does not tell of the friction; the model computes where the contact sticks."""
-    hides, rests = motion.hidden_periods > 0.0, motion.shows_no_motion
     return UnknownFriction(
         motion.thinned(motion.stick_indicator(predict(model, motion).sticking)),
         motion.thinned(_hidden_square(model, motion)),
         motion.thinned(most_hidden_friction_drop(model.friction, motion) ** 2 / 3.0),
-        motion.thinned(rests),
-        motion.thinned(hides & ~rests),
     )
 
 

@@ -42,8 +42,7 @@ def test_the_motion_knows_the_encoders_step_in_a_recording_as_it_is_read(step: f
 
 def all_known(count: int) -> UnknownFriction:
     """Return what samples do not tell while the contact slides: nothing."""
-    nothing, nowhere = np.zeros(count), np.zeros(count, dtype=bool)
-    return UnknownFriction(nothing, nothing, nothing, nowhere, nowhere)
+    return UnknownFriction(np.zeros(count), np.zeros(count), np.zeros(count))
 
 
 def test_play_takes_flicker_off_and_nothing_else() -> None:
