@@ -228,10 +228,13 @@ def test_an_unexplained_force_at_rest_takes_no_name_away(monkeypatch: pytest.Mon
 
 
 def _with_force_at_rest(seed: int) -> Recording:
-    """Return a recording with a spring, and a random force in the rests of ``rich_position``."""
+    """Return a recording with a spring, and a random force in the rests of ``rich_position``.
+
+    Its encoder is so fine that it hides no reversal there.
+    """
     found = record((EffectSettings("spring", (60.0, 0.0)),), seed=seed, duration=24.0, period=0.002)
     time = found.period * np.arange(len(found)) % 6.0
     rests = np.clip(np.minimum((time - 5.25) * 20.0, (5.95 - time) * 20.0), 0.0, 1.0)
     white = np.random.default_rng([seed, 9]).normal(0.0, 12.0, len(found))
     force = np.convolve(white, np.full(8, 8.0**-0.5), "same")
-    return replace(found, effort=found.effort + rests * force, recorded_step=1.0e-8)
+    return replace(found, effort=found.effort + rests * force, recorded_step=1.0e-11)

@@ -69,7 +69,7 @@ def test_models_that_are_compared_in_the_gap_both_have_the_values_for_it(evaluat
     setup = RefitSetup(evaluation.fit_data, replace(Model.of(AXIS), friction=STIFF), 0.05)
     small = (replace(OFFSET, values=(0.3,)),)
     fitted, none = setup.fit((OFFSET,)), RecordingEstimates.none()
-    written = WrittenFits(fitted, evaluation.best_for_gap(setup, fitted), fitted, setup, none, none)
+    written = WrittenFits(fitted, evaluation.best_for_gap(setup, fitted), fitted, setup, none, none, none)
     of_gap, of_evidence = (
         evaluation.reported_rms(one.with_effects(small, evaluation).model)
         for one in (written, replace(written, after=fitted))
