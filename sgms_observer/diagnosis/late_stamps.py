@@ -162,14 +162,14 @@ def lag_in_fast_sliding(
     dead_zone = np.sign(residual_at(0.0) + command)[:, None]  # noise hardly changes it: it is its own instrument
     with_it = np.hstack([dead_zone, others])
     if np.linalg.matrix_rank(with_it) == with_it.shape[1] and blocks > 1 + with_it.shape[1]:
-        beside = None if instruments is None else np.hstack([dead_zone, instruments])
-        found = _fitted_lag(residual_at, with_it, beside, length, largest)
+        its_instruments = None if instruments is None else np.hstack([dead_zone, instruments])
+        found = _fitted_lag(residual_at, with_it, its_instruments, length, largest)
         if found is not None:
             columns = np.hstack([dead_zone, found.slope[:, None], others])
-            used = columns if beside is None else beside
+            used = columns if its_instruments is None else its_instruments
             width, error = first_strength(residual_at(found.lag), columns, used, length)
             if abs(width) > error * _enlarged(criteria.min_z_score, blocks - columns.shape[1]):
-                others, instruments = with_it, beside
+                others, instruments = with_it, its_instruments
     found = _fitted_lag(residual_at, others, instruments, length, largest)
     free = blocks - 1 - others.shape[1]  # blocks beyond the fitted lag and forces
     if found is None or free < 1:
