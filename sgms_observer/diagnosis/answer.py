@@ -157,7 +157,8 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         found = written.with_effects(some, diagnosis.evaluation)
         return percent * data.rms(data.residuals(found, written.setup))
 
-    contact_tests = _contact_law_tests(data, final, predictable_share, learnt)
+    changed = changed_values(diagnosis, final.fit, options)
+    contact_tests = _contact_law_tests(data, final, predictable_share, learnt, changed)
     failed = [test for test in contact_tests if not test.passed]
     if failed:
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
@@ -186,7 +187,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         gap=gap,
         effects=tuple(effects),
         learnt=tuple(learnt),
-        changed=tuple(changed_values(diagnosis, final.fit, options)) if is_changed else (),
+        changed=changed if is_changed else (),
         remainder="none" if is_all_named else "learnt" if learnt else "unknown",
         disturbance=disturbance,
         located=tuple(significant),
@@ -219,7 +220,11 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
 
 
 def _contact_law_tests(
-    data: GapData, final: FinalModel, predictable_share: float, learnt: Sequence[FittedMap]
+    data: GapData,
+    final: FinalModel,
+    predictable_share: float,
+    learnt: Sequence[FittedMap],
+    changed: Sequence[Changed],
 ) -> list[Test]:
     """Return the tests that named effects which another contact law can imitate explain most of what is left of it.
 
@@ -234,6 +239,7 @@ def _contact_law_tests(
         final: models without and with the named effects.
         predictable_share: share of the squared residual that surely is predictable.
         learnt: learnt maps of the residual.
+        changed: values of the file that left their tolerance.
     """
     named = [item.accepted for item in final.accepted if item.accepted and item.accepted.candidate.is_contact_law]
     if not named:
@@ -245,7 +251,7 @@ def _contact_law_tests(
     refitted = written.with_effects(remaining, data.diagnosis.evaluation)
     others = data.residuals(refitted, written.setup)
     parts = len(data.diagnosis.unnamed_contact_effects) + sum(item.is_of_contact for item in learnt)
-    changed_friction = sum(item.is_friction for item in changed_values(data.diagnosis, final.fit, data.options))
+    changed_friction = sum(item.is_friction for item in changed)
     closed = max(data.rms(others) ** 2 - after, 1.0e-300)
     left, predicted = max(after - final.noise**2, 0.0), predictable_share * after
     without, with_all = (

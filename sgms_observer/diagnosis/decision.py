@@ -270,7 +270,7 @@ def within_range(settings: EffectSettings, fit: Refit, setup: RefitSetup, is_sho
         limits_of_value = plausible_range(settings.name, parameter.name, setup.data.motions, setup.nominal)
         ends = [end for end in (parameter.minimum, parameter.maximum, *limits_of_value) if math.isfinite(end)]
         at_end += any(abs(value - end) <= RANGE_END_TOLERANCE * abs(end) for end in ends)
-    if setup.freedom.friction and is_confusable_with_contact(settings.name) and not is_shown_elsewhere:
+    if is_confusable_with_contact(settings.name) and not is_shown_elsewhere:
         freed = {k for k, name in enumerate(setup.nominal.parameter_names()) if name in setup.freedom.friction}
         at_end += len(values_at_end(fit, setup) & freed & {*range(VISCOUS, STRIBECK_VELOCITY + 1)})
     return at_most(settings.name, "parameters at the end of their range", at_end, 0.0)

@@ -158,7 +158,7 @@ def lag_in_fast_sliding(
     def residual_at(lag: float) -> Floats:
         return together([motion.low_pass(delayed(motion.effort, lag / motion.step)) for motion in motions]) - command
 
-    blocks, largest = count // length, EDGE_TIME / records[0].period
+    blocks, largest, found = count // length, EDGE_TIME / records[0].period, None
     dead_zone = np.sign(residual_at(0.0) + command)[:, None]  # noise hardly changes it: it is its own instrument
     with_it = np.hstack([dead_zone, others])
     if np.linalg.matrix_rank(with_it) == with_it.shape[1] and blocks > 1 + with_it.shape[1]:
@@ -168,9 +168,12 @@ def lag_in_fast_sliding(
             columns = np.hstack([dead_zone, found.slope[:, None], others])
             used = columns if its_instruments is None else its_instruments
             width, error = first_strength(residual_at(found.lag), columns, used, length)
-            if abs(width) > error * _enlarged(criteria.min_z_score, blocks - columns.shape[1]):
-                others, instruments = with_it, its_instruments
-    found = _fitted_lag(residual_at, others, instruments, length, largest)
+            if abs(width) <= error * _enlarged(criteria.min_z_score, blocks - columns.shape[1]):
+                found = None
+    if found is not None:
+        others = with_it
+    else:
+        found = _fitted_lag(residual_at, others, instruments, length, largest)
     free = blocks - 1 - others.shape[1]  # blocks beyond the fitted lag and forces
     if found is None or free < 1:
         return None

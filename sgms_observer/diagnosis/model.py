@@ -509,22 +509,25 @@ def hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
         friction: settings of the contact.
         motion: the recording.
     """
-    one = friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution)
-    return np.where(motion.hidden_periods > 0.0, one, 0.0)
+    return np.where(motion.hidden_periods > 0.0, _drop_within_play(friction, motion), 0.0)
 
 
 def most_hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
     """Return the largest decrease of friction that hidden reversals can add up to at each sample [N].
 
-    Each may let the friction fall, and what comes after it need not restore it all; how much of this adds up depends on
-    the contact law. A period of the motion's low-pass hides one reversal at most.
+    After a reversal the friction need not rise to its old value again; how much stays lost depends on the contact law.
+    A period of the motion's low-pass hides one reversal at most.
 
     Args:
         friction: settings of the contact.
         motion: the recording.
     """
-    one = friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution)
-    return np.minimum(one * motion.hidden_periods, 2.0 * friction.static_force)
+    return np.minimum(_drop_within_play(friction, motion) * motion.hidden_periods, 2.0 * friction.static_force)
+
+
+def _drop_within_play(friction: FrictionSettings, motion: Motion) -> Floats:
+    """Return the decrease of friction when the contact moves back by the width of the play operator [N]."""
+    return friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution)
 
 
 def unknown_initial_friction(friction: FrictionSettings, motion: Motion) -> Floats:

@@ -216,7 +216,8 @@ class Motion:
         """Number of periods of the motion's low-pass in which the encoder may have hidden reversals so far, 0 for none.
 
         It may hide them at rest, and in the creep before and after a rest that covers at most one of its steps in such
-        a period. A stage that is faster cannot reverse within a step, because the low-pass would not pass that.
+        a period. In a faster stage a reversal within a step would be quicker than the low-pass, which the motion leaves
+        out at any speed.
         """
         if self.resolution <= 0.0:
             return np.zeros(len(self.time))
@@ -224,9 +225,9 @@ class Motion:
         place, width = np.cumsum(self.first + self.second), self._samples_of_band
         covered = ndimage.maximum_filter1d(place, width) - ndimage.minimum_filter1d(place, width)
         creeps = covered <= self.resolution * max(1.0, corner * (width - 1) * self.period)
-        times, count = ndimage.label(creeps | self.shows_no_motion)
-        has_rest = np.bincount(times, self.shows_no_motion, count + 1) > 0.0
-        hides = (times > 0) & has_rest[times]
+        label, count = ndimage.label(creeps | self.shows_no_motion)
+        has_rest = np.bincount(label, self.shows_no_motion, count + 1) > 0.0
+        hides = (label > 0) & has_rest[label]
         number = np.arange(1, len(hides) + 1)
         so_far = number - np.maximum.accumulate(np.where(hides, 0, number))
         return np.where(hides, 1.0 + corner * self.period * so_far, 0.0)

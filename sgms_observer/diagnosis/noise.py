@@ -4,8 +4,8 @@ The model of the force noise is first-order noise plus white noise. Its corner f
 times the band: slower changes count as effects, not as noise. The spectrum is fitted to medians over frequency bands,
 so that spectral lines and slow effects do not count as noise. Where the contact sticks, its stiffness turns encoder
 noise into force noise, so residuals there have a lower weight. Where the encoder may hide reversals of the motion, the
-motion does not determine the friction. At rest the variance of the hidden force is at least that of one reversal within
-the encoder resolution, by Masing's rule. Several add up, by how much depends on the contact law: it is measured.
+motion does not determine the friction. The variance of the hidden force is at least that of one reversal within the
+encoder resolution, by Masing's rule. Several add up, by how much depends on the contact law: it is measured.
 """
 
 from __future__ import annotations

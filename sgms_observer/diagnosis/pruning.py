@@ -75,7 +75,7 @@ def without_redundant_effects(
     return state, tuple(rounds)
 
 
-def with_friction_of_file(state: FitState, rounds: Sequence[Round], options: Options) -> FitState:
+def with_friction_of_file(state: FitState, rounds: Sequence[Round], evaluation: EvaluationData) -> FitState:
     """Return the state in which friction values that the effects explain stay within the tolerance of the file.
 
     A change of the contact may have freed all of them before an effect was found that moved them. Beside the effect
@@ -85,7 +85,7 @@ def with_friction_of_file(state: FitState, rounds: Sequence[Round], options: Opt
     Args:
         state: state with everything that was accepted.
         rounds: rounds so far.
-        options: options of the diagnosis.
+        evaluation: evaluation data of the state.
     """
     if not state.setup.freedom.friction or not _with_effects(rounds):
         return state
@@ -95,10 +95,9 @@ def with_friction_of_file(state: FitState, rounds: Sequence[Round], options: Opt
         found = setup.fit(found.effects, found.logs)
     if setup is state.setup:
         return state
-    evaluation = state.evaluation(options)
     pairs = (setup, found), (state.setup, state.current)
     held, free = (evidence_of(finish_fit(*pair), evaluation) for pair in pairs)
-    is_needed = improvement(held.all, free.all).z_score > options.criteria.min_z_score
+    is_needed = improvement(held.all, free.all).z_score > evaluation.criteria.min_z_score
     return state if is_needed else replace(state, setup=setup).refitted(found)
 
 
@@ -246,7 +245,7 @@ def without_insignificant_effects(
     without = _written_without(found, nominal, found.evaluation(options))
     while True:
         evaluation = state.evaluation(options)
-        written = _as_written(without, found, with_friction_of_file(state, rounds, options), nominal, evaluation)
+        written = _as_written(without, found, with_friction_of_file(state, rounds, evaluation), nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
         closed_gap = ClosedGap(names, written, file_contact, evaluation)

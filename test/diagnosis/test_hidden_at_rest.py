@@ -36,6 +36,7 @@ COGGING = EffectSettings("cogging", (0.8, 0.011, 0.4, 0.0, 0.0))
 MODEL = Model.of(AXIS)
 COARSE = 2.0e-6  # m; the force falls by 80 % of the Coulomb force when the contact goes back by as much
 SECONDS = 18.0
+STEP = 1.0e-6  # m; encoder step of a creeping stage
 MEMORY = 0.2  # s in which the effort at rest falls, as an integrator lets it
 
 
@@ -71,10 +72,6 @@ def creeping(rate: float, period: float = 0.001, rest: float = 0.5) -> Motion:
     speed = np.where(creeps, np.where(time > 4.0 + rest, rate * STEP, 0.0), 0.02 * np.sin(np.pi * time))
     position = np.round(np.cumsum(speed) * period / STEP) * STEP
     return motion_of(Recording("creeping", period, position, np.sign(speed)))
-
-
-STEP = 1.0e-6
-"""Encoder step of a creeping stage [m]."""
 
 
 @pytest.mark.parametrize(("period", "corner"), [(0.001, 250.0), (0.002, 175.0), (0.004, 87.5)])

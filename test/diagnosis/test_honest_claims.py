@@ -165,9 +165,10 @@ def test_friction_values_that_an_effect_explains_stay_within_the_tolerance(ratio
     current = finish_fit(setup, setup.fit(hidden))
     state = FitState(Recordings((source,), (), HELD_LAG, 100.0), (motion,), (), setup, current)
     rounds = [accepted(setup, current, setup.fit(()), "actuator_dead_zone", evaluation)]
-    found = with_friction_of_file(state, rounds, Options())
+    judged = state.evaluation(Options())
+    found = with_friction_of_file(state, rounds, judged)
     assert found.setup.freedom.friction == (frozenset() if ratio == 1.0 else {"stribeck_velocity"})
-    assert with_friction_of_file(state, [], Options()) is state, "without an effect they stay free"
+    assert with_friction_of_file(state, [], judged) is state, "without an effect they stay free"
     beside, without = (
         [each.current.model.friction.coulomb_force / MODEL.friction.coulomb_force for each in pair]
         for pair in ((state, found), [one.without("actuator_dead_zone") for one in (state, found)])

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from program import load_script
+from table_case import FRICTION
 
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
@@ -36,15 +37,7 @@ from sim_plant.table import SimulatedTable
 PERIOD = 2.5e-4
 TRUE = AxisSettings(
     mass=10.0,
-    friction=FrictionSettings(
-        element_stiffness=(5.0e6, 0.8e6),
-        element_fraction=(0.2, 0.8),
-        element_damping=(0.0, 0.0),
-        viscous_coefficient=30.0,
-        static_force=5.2,
-        coulomb_force=4.0,
-        stribeck_velocity=2.0e-3,
-    ),
+    friction=FRICTION,
     effects=(EffectSettings("offset", (-0.4,)),),
     stage=StageSettings(
         controller=ControllerSettings(feedforward_mass=0.7),

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from table_case import FRICTION as TABLE
 
 from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
@@ -26,7 +27,6 @@ from sgms_observer.settings.axis import (
     AxisSettings,
     EffectSettings,
     EncoderSettings,
-    FrictionSettings,
     ReferenceSettings,
     Settings,
     StageSettings,
@@ -35,15 +35,7 @@ from sim_plant.table import SimulatedTable
 
 PERIOD = 1.0e-3
 CORNER = 40.0  # Hz
-FRICTION = FrictionSettings(
-    element_stiffness=(2.0e5, 0.8e5),
-    element_fraction=(0.2, 0.8),
-    element_damping=(0.0, 0.0),
-    viscous_coefficient=30.0,
-    static_force=5.2,
-    coulomb_force=4.0,
-    stribeck_velocity=5.0e-3,
-)
+FRICTION = replace(TABLE, element_stiffness=(2.0e5, 0.8e5), stribeck_velocity=5.0e-3)
 TRUE = AxisSettings(
     mass=10.0,
     friction=FRICTION,
