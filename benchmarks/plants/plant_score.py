@@ -102,6 +102,7 @@ class Score:
         closure: closed share of the closable gap; None where nothing is closable.
         closure_by_maps: the same of the learnt maps, of the gap that the names leave.
         before, after, floor: gap [% of rms effort]; None without.
+        is_above_noise: whether the hidden force in the held-out recording is larger than the noise of the result.
         covered: of each comparable parameter, whether its 90 % interval holds the truth.
         seconds: computing time of one process [s].
         memory: largest resident memory [MB].
@@ -129,6 +130,7 @@ class Score:
     before: float | None
     after: float | None
     floor: float | None
+    is_above_noise: bool
     covered: tuple[bool, ...]
     seconds: float
     memory: float
@@ -185,6 +187,7 @@ def score(truth: Mapping[str, Any], run: Mapping[str, Any], small: float = 0.09)
         before=before,
         after=after,
         floor=floor,
+        is_above_noise=100.0 * truth.get("hidden_rms", [0.0])[-1] > gap.get("noise", math.inf),
         covered=tuple(
             coverage(one, truth, run.get("mass"))
             for entry, match in zip(entries, matches, strict=False)

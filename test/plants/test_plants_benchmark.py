@@ -146,6 +146,19 @@ def test_a_case_without_a_result_has_failed() -> None:
     assert one.has_failed and one.first == "failed" and not one.is_alarm and one.seconds != one.seconds
 
 
+def test_a_force_above_the_noise_of_the_recording_is_counted_apart() -> None:
+    """What is smaller than the noise may be there and hardly show: the hidden force is of the held-out recording."""
+    gap = GAP | {"noise": 3.0}
+    loud, quiet = (truth("cogging", hidden_rms=[0.5, share]) for share in (0.031, 0.029))
+    scores = [scored(loud, "effect_found", entry("cogging"), gap=gap), scored(quiet, "no_effect", gap=gap)]
+    assert [one.is_above_noise for one in scores] == [True, False]
+    assert not scored(truth("cogging"), "no_effect", gap=gap).is_above_noise
+    shares = {name: value(scores) for name, _, value in LINES}
+    assert shares["right name first, 10-25 %"] == "50 % (1/2)"
+    assert shares["... whose force is above the noise of the held-out recording"] == "100 % (1/1)"
+    assert shares["... whose force is above that noise"] == "-"
+
+
 def test_the_table_has_a_column_per_plant() -> None:
     scores = [
         scored(truth("cogging"), "effect_found", entry("cogging")),
