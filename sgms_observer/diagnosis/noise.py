@@ -170,6 +170,25 @@ def largest_noise(noise: Sequence[Noise]) -> Noise:
     return max(noise, key=lambda one: one.rms)
 
 
+def with_extra_variance_of(residual: Floats, noise: Noise, unknown: UnknownFriction) -> Noise:
+    """Return the noise of other recordings with the extra variances of a residual where they are larger.
+
+    How much less samples tell where the contact sticks or the encoder hides reversals depends on the motion: a
+    recording without rests does not tell it of one with rests.
+
+    Args:
+        residual: at the rate of residuals [N].
+        noise: noise of the other recordings, at the same rate.
+        unknown: what the samples of the residual do not tell.
+    """
+    slow = _Slow.of(residual, unknown.stick_indicator, noise.period)
+    return replace(
+        noise,
+        stick_variance=max(noise.stick_variance, slow.stick_variance),
+        rest_variance=max(noise.rest_variance, slow.variance_in(unknown.most > 0.0)),
+    )
+
+
 def fit_noise(residual: Floats, unknown: UnknownFriction, period: float, band: float, least: float = 0.0) -> Noise:
     """Fit the noise of a residual.
 

@@ -17,7 +17,7 @@ from sgms_observer.diagnosis.model import (
     unknown_initial_friction,
 )
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise, UnknownFriction, fit_noise, largest_noise
+from sgms_observer.diagnosis.noise import Noise, UnknownFriction, fit_noise, largest_noise, with_extra_variance_of
 
 MIN_NOISE_SHARE = 1.0e-3
 """Smallest rms noise of a measured force, as a share of the effort."""
@@ -97,17 +97,23 @@ def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData
 
 
 def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Model) -> WhitenedData:
-    """Return recordings with the noise of other recordings.
+    """Return recordings with the noise of other recordings, and with their own extra variances where they are larger.
 
     Args:
         motions: recordings; may be empty.
         data: the other recordings; the largest of their noises is used, with the largest extra variance at rest.
-        model: model that computes where the contact sticks.
+        model: model that computes where the contact sticks; what it leaves there tells the extra variances.
     """
     rest_variance = max(one.rest_variance for one in data.noise)
     noise = replace(largest_noise(data.noise), rest_variance=rest_variance)
-    noises = [replace(noise, period=motion.residual_period) for motion in motions]
-    return _whitened_data(motions, noises, [_unknown(model, motion) for motion in motions])
+    unknown = [_unknown(model, motion) for motion in motions]
+    noises = [
+        with_extra_variance_of(
+            motion.low_pass(predict(model, motion).residual), replace(noise, period=motion.residual_period), one
+        )
+        for motion, one in zip(motions, unknown, strict=True)
+    ]
+    return _whitened_data(motions, noises, unknown)
 
 
 def _whitened_data(

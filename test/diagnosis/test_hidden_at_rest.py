@@ -137,6 +137,19 @@ def test_what_is_judged_has_the_variances_of_any_recording_that_shows_them() -> 
     assert data_with_noise_of((rests,), data, MODEL).noise[0].rest_variance == data.noise[0].rest_variance
 
 
+def test_the_rests_of_a_recording_tell_what_recordings_without_rests_do_not() -> None:
+    """Fitted recordings that hardly rest leave the rests of a held-out one their full weight otherwise."""
+    rests, moves = resting(COARSE, is_released=True), resting(1.0e-11, is_released=False)
+    data, own = data_with_own_noise((moves,), MODEL), data_with_own_noise((rests,), MODEL)
+    assert data.noise[0].rest_variance < 0.1 * own.noise[0].rest_variance
+    held_out = data_with_noise_of((rests,), data, MODEL)
+    assert held_out.noise[0].rest_variance == own.noise[0].rest_variance
+    assert held_out.noise[0].stick_variance == max(own.noise[0].stick_variance, data.noise[0].stick_variance)
+    assert held_out.noise[0].rms == data.noise[0].rms
+    still = rests.thinned(rests.shows_no_motion)
+    assert np.median(held_out.gap_weights[0][still]) < 0.2 < 1.0 == np.median(held_out.gap_weights[0][~still])
+
+
 def test_the_fall_after_a_reversal_is_masings() -> None:
     friction = MODEL.friction
     whole = sum(friction.element_stiffness)
