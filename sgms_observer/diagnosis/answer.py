@@ -395,14 +395,16 @@ def _warnings(
 def _best_unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
     """Return the rejected effect that predicts most of the held-out residual, or None if none surely does.
 
-    Effects that another contact law can imitate do not count: the regression has the coordinates of a contact.
+    Effects that another contact law can imitate do not count: the regression has the coordinates of a contact. Within
+    the tolerance of the file nothing is missing.
     """
     if not diagnosis.final_state.held_out_motions:
         return None
     last = diagnosis.rounds[-1].decisions if diagnosis.rounds and diagnosis.rounds[-1].accepted is None else ()
     effects = [item for item in last if item.candidate.settings is not None]
     not_imitable = [item for item in effects if not is_confusable_with_contact(item.candidate.name)]
-    sure = [item for item in not_imitable if item.significant_share(criteria) > 0.0]
+    missing = [item for item in not_imitable if not item.may_be_within_tolerance]
+    sure = [item for item in missing if item.significant_share(criteria) > 0.0]
     return max(sure, key=lambda item: item.significant_share(criteria), default=None)
 
 

@@ -37,6 +37,8 @@ HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
 CLOSED_SHARE = "share of the closable squared gap"
 """Test that a hypothesis closes enough of the gap."""
+SIZE_BEYOND_TOLERANCE = "size beyond the tolerance of the file over its standard error"
+"""Test that an effect on values of the file makes them differ by more than their tolerance."""
 RANGE_END_TOLERANCE = 1.0e-6
 """Largest relative distance at which a parameter counts as at the end of its range."""
 
@@ -72,6 +74,15 @@ class Decision:
         return self.reported.share if is_sure else 0.0
 
     @property
+    def may_be_within_tolerance(self) -> bool:
+        """Return whether the values of the file may not differ by more than their tolerance."""
+        return any(test.name == SIZE_BEYOND_TOLERANCE and not test.passed for test in self.tests)
+
+    def with_test(self, test: Test | None) -> Decision:
+        """Return the decision with one more test, if any."""
+        return self if test is None else replace(self, tests=(*self.tests, test))
+
+    @property
     def passed(self) -> bool:
         """Return whether every test was passed."""
         return all(test.passed for test in self.tests)
@@ -85,9 +96,11 @@ class Decision:
 def contradicts(test: Test) -> bool:
     """Return whether a test contradicts its hypothesis.
 
-    A failed test does, except that of the held-out gap where the gap does not grow by more than its 90 % interval.
+    A failed test does, with two exceptions: that of the held-out gap where the gap does not grow by more than its 90 %
+    interval, and that of the size of an effect that may lie within the tolerance of the file.
     """
-    return not (test.passed or (test.name == HELD_OUT_GAP and test.value > -test.threshold))
+    is_size = test.name == SIZE_BEYOND_TOLERANCE
+    return not (test.passed or is_size or (test.name == HELD_OUT_GAP and test.value > -test.threshold))
 
 
 def decide(

@@ -290,7 +290,7 @@ class Round:
     def with_test(self, test: Test) -> Round:
         """Return the round with one more test of the accepted hypothesis, which is rejected if the test fails."""
         assert self.accepted is not None
-        decision = replace(self.accepted, tests=(*self.accepted.tests, test))
+        decision = self.accepted.with_test(test)
         listed = tuple(decision if one.candidate is decision.candidate else one for one in self.decisions)
         return replace(self, accepted=decision if test.passed else None, decisions=listed)
 

@@ -15,6 +15,7 @@ from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import (
     MAX_LAG_WITHOUT_DELAY,
+    SIZE_BEYOND_TOLERANCE,
     Decision,
     compare,
     needs_visible_contact,
@@ -313,8 +314,7 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
             tests.append(at_most(name, title, 2.0 * criteria.interval_z_score * max(errors) / stroke, 1.0))
         if name in (MASS_ERROR, ACTUATOR_GAIN):
             beyond = _size_beyond_tolerance(name, closed_gap)
-            title = "size beyond the tolerance of the file over its standard error"
-            tests.append(at_least(name, title, beyond, criteria.interval_z_score))
+            tests.append(at_least(name, SIZE_BEYOND_TOLERANCE, beyond, criteria.interval_z_score))
         in_response = delay_in_response(written.after.model, name, closed_gap.evaluation)
         if in_response is not None:
             title = "share of the delay in the response to the reference"

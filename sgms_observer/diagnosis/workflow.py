@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import Candidate, finish_fit, fitted_candidates
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
-from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import (
+    SIZE_BEYOND_TOLERANCE,
     Decision,
     comparisons,
     decide,
@@ -229,6 +230,7 @@ def _search_and_prune(
     listed = [item.name for item in known_effects]
     state, rounds = _best_search(_Search((file_state,)), known_effects, options, report)
     removed: frozenset[str] = frozenset()
+    small: dict[str, Test] = {}
     while True:
         state, rounds = compared_again(*without_redundant_effects(state, rounds, options), listed, options)
         accepted = _names_of(rounds)
@@ -238,16 +240,26 @@ def _search_and_prune(
         if remaining == accepted:
             return state, rounds, written
         removed |= accepted - remaining
+        small |= _within_tolerance(rounds)
         effects = sum(one.settings is not None for one in accepted_candidates(rounds))
         rest = replace(
-            options, excluded=options.excluded | removed | remaining,
+            options, excluded=options.excluded | (removed - small.keys()) | remaining,
             criteria=replace(options.criteria, max_effects=options.criteria.max_effects - effects),
         )  # fmt: skip
-        found, added = _best_search(_Search((state,), earlier=rounds), known_effects, rest, report)
+        found, added = _best_search(_Search((state,), earlier=rounds, small=small), known_effects, rest, report)
         rounds = (*rounds, *added)
         if not _names_of(added):
             return state, rounds, written
         state = found
+
+
+def _within_tolerance(rounds: Sequence[Round]) -> dict[str, Test]:
+    """Return the failed test of each effect that was removed because it may lie within the tolerance of the file."""
+    decisions = [item for one in rounds for item in one.decisions if item.may_be_within_tolerance]
+    return {
+        test.of: test for item in decisions for test in item.tests
+        if test.name == SIZE_BEYOND_TOLERANCE and not test.passed
+    }  # fmt: skip
 
 
 def _names_of(rounds: Sequence[Round]) -> frozenset[str]:
@@ -283,11 +295,14 @@ class _Search:
         states: the state before each round, and the one after the last.
         rounds: rounds so far.
         earlier: rounds of the search that it goes on from.
+        small: failed test of each effect that may lie within the tolerance of the file. It has no name of its own, and
+            remains a rival: what one of them explains alone has no other name for sure.
     """
 
     states: tuple[FitState, ...]
     rounds: tuple[Round, ...] = ()
     earlier: tuple[Round, ...] = ()
+    small: Mapping[str, Test] = field(default_factory=dict)
 
     @property
     def state(self) -> FitState:
@@ -402,7 +417,7 @@ def _search(
         others = [partial(changed_candidate, one_thread, current, one) for one in changed if can_be_freed(setup, one)]
         fitted = fitted_candidates(one_thread, screen, current, options.workers, others)
         decisions = [
-            decide(item, current, earlier, evaluation, item.name in found.rivals)
+            decide(item, current, earlier, evaluation, item.name in found.rivals).with_test(found.small.get(item.name))
             for item in fitted if item.refit.cost < current.cost
         ]  # fmt: skip
         decisions.sort(key=lambda item: -item.improvement.decrease)

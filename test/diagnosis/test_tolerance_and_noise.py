@@ -14,6 +14,7 @@ from sgms_observer.diagnosis.answer import answer_of
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES
 from sgms_observer.diagnosis.criteria import at_least
+from sgms_observer.diagnosis.decision import SIZE_BEYOND_TOLERANCE
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
@@ -71,6 +72,26 @@ def test_within_the_tolerance_of_the_file_nothing_is_missing(
     (item,) = [item for number in rounds for item in number.decisions if item.candidate.name == hidden.name]
     assert not any(number.accepted for number in rounds)
     assert item.tests[-1].name.startswith(refused_by) and item.tests[-1].value < 0.0
+
+
+def test_what_may_be_within_the_tolerance_remains_a_rival(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gain that is refused for its size has no name. What takes its place is not sure either."""
+    small = at_least("actuator_gain", SIZE_BEYOND_TOLERANCE, 1.0, 1.645)
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("actuator_gain", "mass_error"))
+    monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
+    hidden = (EffectSettings("mass_error", (1.2,)),)
+    one, other = (record(hidden, seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
+    options = Options(workers=1, band=25.0)
+    found = workflow.diagnose([one], [other], AXIS, options)
+    search = workflow._search(
+        workflow._Search((found.file_state,), small={small.of: small}), (), options, lambda *_: None
+    )
+    rounds = [item for item in search.rounds if item.accepted]
+    assert [item.accepted.candidate.name for item in rounds if item.accepted] == ["mass_error"]
+    (gain,) = [item for item in rounds[0].decisions if item.candidate.name == "actuator_gain"]
+    assert gain.tests[-1] is small and gain.is_possible and gain.may_be_within_tolerance and not gain.passed
+    assert "actuator_gain" in rounds[0].comparisons
+    assert workflow._within_tolerance(search.rounds) == {"actuator_gain": small}
 
 
 @pytest.mark.parametrize(("share", "angle", "named"), [(0.96, 0.43, []), (0.8, 0.4, ["gravity"])])
