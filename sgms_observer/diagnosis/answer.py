@@ -165,7 +165,10 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     of_direction = direction_tests(data, final)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
-    is_learnt = not all(item.is_at_rest or (diagnosis.is_contact_hidden and item.is_of_contact) for item in learnt)
+    is_learnt = any(
+        not (item.is_at_rest or item.is_friction_curve or (diagnosis.is_contact_hidden and item.is_of_contact))
+        for item in learnt
+    )
     beyond_contact = []
     if not (unnamed_rest.passed or is_learnt or unnamed):
         beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
@@ -458,7 +461,8 @@ def verdict_of(
         effects: named effects.
         rest: test of the predictable share of the remaining residual.
         is_learnt: whether a learnt map predicts a part of it that is not the contact's: neither what a resting stage
-            holds nor, behind an encoder that hides the contact, what its coordinates predict.
+            holds, nor a function of the velocity alone, nor, behind an encoder that hides the contact, what its
+            coordinates predict.
         whole: test of the share of the effort that the final model leaves unexplained.
         trust: tests that ``no_effect`` needs as well.
         beyond_contact: tests that ``unknown_effect`` needs as well, where nothing was learnt.

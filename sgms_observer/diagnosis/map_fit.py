@@ -69,6 +69,11 @@ class FittedMap:
         """Return whether the force relaxes at rest. There a motionless stage shows what its contact holds."""
         return self.coordinates in AT_REST
 
+    @property
+    def is_friction_curve(self) -> bool:
+        """Return whether the force depends on the velocity alone, as the friction of every sliding contact does."""
+        return self.coordinates == ("velocity",)
+
     def lowest_force(self, sign: float) -> float:
         """Return the smallest force in one direction that is the same for both directions of motion [N].
 
