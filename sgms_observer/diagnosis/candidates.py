@@ -140,6 +140,8 @@ def fitted_candidates(
 ) -> list[Candidate]:
     """Fit the effects that pass the screening, and other hypotheses beside them.
 
+    Effects of the file within the tolerance are always fitted: another value of one of them explains most simply.
+
     Args:
         setup: setup of the fits, each of them in one thread.
         screen: screening of the residual of ``before``.
@@ -156,7 +158,8 @@ def fitted_candidates(
     promising = [name for name in ranked if screenings[name].chi2_reduction > max(MIN_REDUCTION_SHARE * largest, 1.0)][
         :MAX_FITTED
     ]
-    promising += [name for name in ABSORBED_BY_NOMINAL if name in screenings and name not in promising]
+    always = (*ABSORBED_BY_NOMINAL, *sorted(setup.held_effects))
+    promising += [name for name in always if name in screenings and name not in promising]
     jobs = [start for name in promising for start in screen.starts(name)]
 
     def first(start: EffectSettings) -> Refit:
@@ -175,6 +178,6 @@ def fitted_candidates(
             if found.cost < before.cost and (start.name not in best or found.cost < best[start.name].cost):
                 best[start.name] = found
         ranked = sorted(best, key=lambda name: best[name].cost)
-        names = ranked[:MAX_COMPARED] + [name for name in ranked[MAX_COMPARED:] if name in ABSORBED_BY_NOMINAL]
+        names = ranked[:MAX_COMPARED] + [name for name in ranked[MAX_COMPARED:] if name in always]
         effects = sorted(pool.map(last, names), key=lambda item: item.refit.cost)
         return [*effects, *(job.result() for job in other_fits)]

@@ -346,7 +346,8 @@ def strength(item: Candidate, held: Set[int] = frozenset()) -> float:
     parameters = effect(item.settings.name).parameters
     shape = {(i, j) for i, j in found.free if i == place and not parameters[j].is_strength}
     errors = found.standard_errors(shape, held)
-    return strength_over_error(item.settings, {j: error for (i, j), error in errors.items() if i == place})
+    of_effect = {j: error for (i, j), error in errors.items() if i == place}
+    return strength_over_error(item.settings, of_effect, item.setup.values_without(item.settings.name))
 
 
 def strength_beyond_tolerance(item: Candidate, before: Refit) -> float:
@@ -375,12 +376,13 @@ def values_at_end(fit: Refit, setup: RefitSetup) -> frozenset[int]:
     return frozenset(np.flatnonzero(np.abs(fit.logs) >= (1.0 - RANGE_END_TOLERANCE) * bound).tolist())
 
 
-def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -> float:
+def strength_over_error(settings: EffectSettings, errors: Mapping[int, float], without: Sequence[float]) -> float:
     """Return the largest strength parameter of an effect over its standard error.
 
     Args:
         settings: the effect.
         errors: standard error of each free parameter, by its index.
+        without: values of its parameters at which it explains nothing.
 
     Returns:
         Infinite if the effect has no free strength parameter.
@@ -390,7 +392,7 @@ def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -
     for j, error in errors.items():
         parameter, value = parameters[j], settings.values[j]
         if parameter.is_strength and error > 0.0:
-            size = abs(parameter.linear(value) - parameter.linear(parameter.default))
+            size = abs(parameter.linear(value) - parameter.linear(without[j]))
             found.append(size / parameter.linear_error(value, error))
     return max(found, default=math.inf)
 

@@ -390,12 +390,12 @@ class WrittenFits:
         return self._largest(name, found, lambda column, zero: found.size_over(column, zero, float(errors[column])))
 
     def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:
-        """Return the largest value of the strength parameters of an effect, from their columns and linear defaults."""
+        """Return the largest value of the strength parameters of an effect, from their columns and values without it."""
         place = [item.name for item in self.after.effects].index(name)
-        parameters = effect(name).parameters
+        parameters, without = effect(name).parameters, self.setup.values_without(name)
         return max(
             (
-                value(column, parameters[j].linear(parameters[j].default))
+                value(column, parameters[j].linear(without[j]))
                 for column, (i, j) in enumerate(found.free)
                 if i == place and parameters[j].is_strength
             ),

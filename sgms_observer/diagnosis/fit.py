@@ -507,6 +507,17 @@ class RefitSetup:
         setup = replace(self, held_effects=self.held_effects | {name})
         return setup, tuple(given[name] if item.name == name else item for item in effects)
 
+    def values_without(self, name: str) -> tuple[float, ...]:
+        """Return the values of an effect at which it explains nothing.
+
+        They are the defaults. Of an effect of the file with strengths alone they are the values of the file, which
+        another value has to differ from.
+        """
+        entry = effect(name)
+        given = {item.name: item.values for item in self.file_effects}
+        is_strength_alone = all(one.is_strength for one in entry.parameters)
+        return tuple(given[name]) if name in given and is_strength_alone else tuple(entry.defaults)
+
     def ranges_of_held_effects(self, effects: Sequence[EffectSettings]) -> dict[tuple[int, int], tuple[float, float]]:
         """Return the range of each strength and angle of ``held_effects`` within the tolerance, (effect, parameter).
 

@@ -181,14 +181,23 @@ def compared(
     best = name
     for rival in rivals:
         best = rival if rivals[rival].passed and z_score(rival, best) > 0.0 else best
-    equal = {key: one for key, one in decisions.items() if one.passed and z_score(best, key) <= most}
+    models = {key: one.current.model for key, one in states.items()}
+    is_closed = evaluation.is_gap_closed(models[best])
+
+    def is_equal(key: str) -> bool:
+        if z_score(best, key) <= most:
+            return True
+        return key in listed and not (is_closed or _beyond_rest(best, key, models, evaluation).passed)
+
+    equal = {key: one for key, one in decisions.items() if one.passed and is_equal(key)}
     start = equal.get(name, decisions[best]) if has_place else decisions[best]
     first = preferred(start, list(equal.values()), listed)
     best = first.candidate.name
     tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
-    models = {key: one.current.model for key, one in states.items()}
     if not evaluation.is_gap_closed(models[best]):
-        beyond = {key: _beyond_rest(best, key, models, evaluation) for key, test in tests.items() if test.passed}
+        beyond = {
+            key: _beyond_rest(best, key, models, evaluation) for key, test in tests.items() if abs(test.value) > most
+        }
         tests |= {key: test for key, test in beyond.items() if not test.passed}
     if best != name:
         state = states[best].refitted(states[best].current)

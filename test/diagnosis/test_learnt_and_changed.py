@@ -276,6 +276,18 @@ def test_a_listed_offset_that_moved_is_listed() -> None:
     assert listed["effects.offset.force"].after == pytest.approx(0.9, rel=0.05)
 
 
+def test_a_listed_offset_that_is_not_there_is_no_asymmetry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An asymmetry can cancel it while the contact slides. Another value of what the file lists is simpler."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "asymmetric_coulomb"))
+    axis = replace(AXIS, effects=(OFFSET,))
+    learn, judge = (record(seed=seed, duration=12.0) for seed in (1, 2))
+    options = Options(workers=1, band=100.0)
+    answer = answer_of(diagnose([learn], [judge], axis, options), axis, options)
+    assert [item.settings.name for item in answer.effects] == ["offset"]
+    (moved,) = [item for item in answer.changed if item.name == "effects.offset.force"]
+    assert moved.before == 0.3 and abs(moved.after) < 0.03
+
+
 def test_a_file_that_holds_has_no_changed_values() -> None:
     hidden = (OFFSET,)
     assert answered((made(hidden, 1), made(hidden, 2)), replace(AXIS, effects=hidden)).changed == ()
