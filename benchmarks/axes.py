@@ -15,6 +15,7 @@ import tempfile
 from pathlib import Path
 
 from sgms_observer.bench.live_run import time_live
+from sgms_observer.cli.warn import warn
 
 
 def main() -> int:
@@ -26,7 +27,8 @@ def main() -> int:
     args = parser.parse_args()
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="sgms-axes-") as folder:
-        live = time_live(Path(folder), args.seconds, rate=args.rate, axes=args.axes)
+        live, sentences = time_live(Path(folder), args.seconds, rate=args.rate, axes=args.axes)
+    warn(sentences)
     print(json.dumps({"axes": args.axes, "load_at_the_start": load, **live}, indent=1))
     return 0
 

@@ -1,4 +1,7 @@
-"""A process that stores arrival time and content of each message of some topics, until a stop signal."""
+"""A process that stores arrival time and content of each message of some topics, until a stop signal.
+
+It prints a line for the first message of each topic, so that another process can wait for it.
+"""
 
 from __future__ import annotations
 
@@ -22,18 +25,25 @@ _LAST = slice(-8, None)  # the last number of the message: the effort of the las
 
 
 class _Heard:
-    """What one topic said, as raw as it came."""
+    """What one topic said, as raw as it came.
 
-    def __init__(self) -> None:
+    Args:
+        topic: its name.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self._topic = topic
         self._kept = bytearray()
         self._arrivals = array("q")
 
     def taking(self) -> Callable[[bytes], None]:
         """Return what takes the topic's messages."""
-        keep, keep_arrival, now = self._kept.extend, self._arrivals.append, time.time_ns
+        kept, keep, keep_arrival, now = self._kept, self._kept.extend, self._arrivals.append, time.time_ns
 
         def take(message: bytes) -> None:
             keep_arrival(now())
+            if not kept:
+                print(first_message(self._topic), flush=True)
             keep(message[_STAMP])
             keep(message[_LAST])
 
@@ -46,12 +56,21 @@ class _Heard:
         return np.stack([stamps, np.array(self._arrivals, np.int64), parts["f2"]])
 
 
+def first_message(topic: str) -> str:
+    """Return the line that the listener prints for the first message of a topic.
+
+    Args:
+        topic: its name.
+    """
+    return f"the first message of {topic} arrived"
+
+
 def listen(topics: list[str], out: Path) -> None:
     """Take in the messages of topics and write them to a file, one table of integers for each topic."""
     prepare_transport()
     rclpy.init(args=[])
     node = rclpy.create_node("bench_listener")
-    heard = {topic: _Heard() for topic in topics}
+    heard = {topic: _Heard(topic) for topic in topics}
     for topic, messages in heard.items():
         subscribe(node, topic, messages.taking())
     spin_until_interrupted(node)

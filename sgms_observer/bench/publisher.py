@@ -25,13 +25,17 @@ from sgms_observer.nodes.topics import SAMPLE_QOS
 from sgms_observer.nodes.transport import prepare_transport
 
 _LONGEST_STAY = 60.0  # s
-_MATCHING = 2.0  # s for the observer to find who listens to it
+_SETTLING = 2.0  # s of silence before the run, in which discovery ends
+_PROBE_PERIOD = 0.1  # s from one probe sample to the next
 _TIMER_SLACK = 1_000  # ns that Linux may wake this thread late to save power; 50 us unless asked
 _SET_TIMER_SLACK = 29  # PR_SET_TIMERSLACK
 
 
-def publish(count: int, rate: int, axes: int, listeners: int, out: Path) -> None:
+def publish(count: int, rate: int, axes: int, listeners: int, out: Path, go: Path | None = None) -> None:
     """Publish so many samples and write their stamps and sending times [ns], shape (2, count), to a file.
+
+    With ``go``, the publisher sends probe samples until another process has made this file. They are not counted. That
+    process sees from them that samples and answers arrive.
 
     Args:
         count: number of samples.
@@ -39,6 +43,7 @@ def publish(count: int, rate: int, axes: int, listeners: int, out: Path) -> None
         axes: how many there are in each message.
         listeners: how many nodes are waited for.
         out: the file (.npy).
+        go: the file whose existence starts the run.
     """
     samples = round(1.0 / (FREQUENCY * PERIOD))  # one period of the motion, repeated
     effort = make_problem(windows=samples // 10).effort[samples : 2 * samples].tolist()
@@ -51,9 +56,17 @@ def publish(count: int, rate: int, axes: int, listeners: int, out: Path) -> None
     send_position, send_effort = (publisher.publish for publisher in publishers)
     encode_position = JointStateEncoder(axis_names(axes), ("position",)).encode
     encode_effort = JointStateEncoder(axis_names(axes), ("effort",)).encode
+
+    def send(stamp: int, place: int) -> None:
+        send_position(encode_position(stamp, (position[place],) * axes))
+        send_effort(encode_effort(stamp, (effort[place],) * axes))
+
+    while go is not None and not go.exists():
+        send(time.time_ns(), 0)
+        time.sleep(_PROBE_PERIOD)
     while any(publisher.get_subscription_count() < listeners for publisher in publishers):
         time.sleep(0.05)
-    time.sleep(_MATCHING)
+    time.sleep(_SETTLING)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SET_TIMER_SLACK, _TIMER_SLACK, 0, 0, 0)
     period_ns, step = round(1e9 / rate), max(1, round(1.0 / (PERIOD * rate)))
@@ -66,8 +79,7 @@ def publish(count: int, rate: int, axes: int, listeners: int, out: Path) -> None
             time.sleep(1e-9 * left)
         place = k * step % samples
         times[0, k], times[1, k] = due, time.time_ns()
-        send_position(encode_position(due, (position[place],) * axes))
-        send_effort(encode_effort(due, (effort[place],) * axes))
+        send(due, place)
     np.save(out, times)
     with contextlib.suppress(KeyboardInterrupt):
         time.sleep(_LONGEST_STAY)  # what is on its way arrives; the end comes as SIGINT
@@ -83,8 +95,9 @@ def main() -> int:
     parser.add_argument("--axes", type=int, default=1)
     parser.add_argument("--listeners", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--go", type=Path)
     args = parser.parse_args()
-    publish(args.count, args.rate, args.axes, args.listeners, args.out)
+    publish(args.count, args.rate, args.axes, args.listeners, args.out, args.go)
     return 0
 
 

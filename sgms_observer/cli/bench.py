@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from sgms_observer.cli.compile import compile_or_warn
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
 from sgms_observer.cli.warn import warn
+from sgms_observer.outcome import json_value
 
 if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
@@ -83,12 +84,13 @@ def run(args: argparse.Namespace) -> int:
             with Progress(f"bench: {part}", len(chosen)) as progress:
                 _tell(part, progress, number)
                 _RUN[part](args, result, Path(folder))
+    text = json.dumps(json_value(result), indent=1, allow_nan=False)
     if args.json:
         from sgms_observer.whole_file import write_text
 
-        write_text(json.dumps(result, indent=1) + "\n", args.json)
+        write_text(text + "\n", args.json)
     else:
-        print(json.dumps(result, indent=1))
+        print(text)
     if args.out:
         from sgms_observer.bench.pictures import draw
 
@@ -226,7 +228,11 @@ def _live(args: argparse.Namespace, result: dict[str, Any], folder: Path) -> Non
         return
     from sgms_observer.bench.live_run import RATES, time_live
 
-    runs = [time_live(folder, args.live_seconds, args.publish_every, rate) for rate in RATES]
+    runs = []
+    for rate in RATES:
+        figures, sentences = time_live(folder, args.live_seconds, args.publish_every, rate)
+        warn(sentences)
+        runs.append(figures)
     result["live"] = {**runs[-1], "rates": runs[:-1]}
 
 

@@ -105,7 +105,7 @@ def stage_variables(parts: StageParts, names: tuple[str, ...], units: Units, sta
         _output("velocity", v, "true velocity"),
         _output("acceleration", a, "mean acceleration over the last integration step"),
         _output("measured_position", q, "what the encoder shows"),
-        _output("control_effort", f, "effort that the controller sends, or the input where there is none"),
+        _output("control_effort", f, "effort that the controller sent in the last tick; without it the input"),
         _output("friction", f, "friction force"),
         _output("effect_force", f, "force of the effects that add one"),
         Variable("initial_position", "start_position", "parameter", "fixed", q, "position at the start", start),

@@ -100,6 +100,10 @@ def test_it_is_valid_and_equal_to_simulate(name: str, fmi: int, sample_period: f
     for column in ("position", "velocity", "measured_position", "friction"):
         expected = getattr(truth, column)
         assert np.max(np.abs(shown[column] - expected)[1:]) <= TOLERANCE * np.max(np.abs(expected)), column
+    effort = out["control_effort"][1 :: constants.ticks_per_sample]  # known one tick after the sample
+    expected = truth.control_effort[: len(effort)]
+    assert len(effort) >= samples - 1
+    assert np.max(np.abs(effort - expected)) <= TOLERANCE * np.max(np.abs(expected))
     assert np.max(np.abs(truth.position)) > 1e-3
 
 

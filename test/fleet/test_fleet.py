@@ -6,6 +6,8 @@ import json
 import os
 import shutil
 import signal
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -192,21 +194,60 @@ def test_what_comes_from_recordings_is_escaped(tmp_path: Path) -> None:
     assert not any(tag in text for tag in ("<script>alert", "<b>", "<i>", "<u>"))
 
 
-def test_diagnoses_do_not_depend_on_the_number_of_workers(fleet: Path, tmp_path: Path) -> None:
+def diagnose(fleet: Path, out: Path, *more: str) -> dict[str, bytes]:
+    """Diagnose two recordings of the fleet, each by itself; return what was written, without pictures."""
     bags = [str(fleet / f"bag{number}") for number in (1, 2)]
-    found = []
-    for workers in ("1", "2"):
-        out = tmp_path / workers
-        arguments = ["--config", str(fleet / "axis.yaml"), "--out", str(out), "--workers", workers, "--each"]
-        assert main(["diagnose", *bags, "--cutoff", "25", *arguments]) == 0
-        found.append({
-            str(path.relative_to(out)): path.read_bytes() for path in sorted(out.rglob("*")) if path.suffix != ".png"
-            and path.is_file()
-        })  # fmt: skip
+    arguments = ["--config", str(fleet / "axis.yaml"), "--out", str(out), "--each", *more]
+    assert main(["diagnose", *bags, "--cutoff", "25", *arguments]) == 0
+    files = [path for path in sorted(out.rglob("*")) if path.suffix != ".png" and path.is_file()]
+    return {str(path.relative_to(out)): path.read_bytes() for path in files}
+
+
+@pytest.fixture(scope="module")
+def diagnosed(fleet: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Return what ``diagnose`` writes with one worker on this machine."""
+    return diagnose(fleet, tmp_path_factory.mktemp("diagnosed") / "out", "--workers", "1")
+
+
+def test_diagnoses_do_not_depend_on_the_number_of_workers(
+    fleet: Path, diagnosed: dict[str, bytes], tmp_path: Path
+) -> None:
+    found = [diagnosed, diagnose(fleet, tmp_path / "out", "--workers", "2")]
     assert {"bag1/result.json", "bag2/result.json"} <= found[0].keys() and "summary.json" in found[0]
     assert found[0] == found[1]
     listed = json.loads(found[0]["summary.json"])["recordings"]
     assert all(entry["verdict"] for entry in listed)
+
+
+def test_a_diagnosis_on_a_cluster_that_loses_a_worker_gives_the_same(
+    fleet: Path, diagnosed: dict[str, bytes], tmp_path: Path
+) -> None:
+    """The worker is killed within a diagnosis; the cluster starts it anew in the same folder."""
+    distributed = pytest.importorskip("dask.distributed", reason="Dask is not installed")
+    killed: list[str] = []
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, scheduler_port=0
+    ) as cluster:
+
+        def kill_one() -> None:
+            end = time.monotonic() + 60.0
+            while not killed and time.monotonic() < end:
+                time.sleep(0.05)
+                for worker in list(cluster.scheduler.workers.values()):
+                    tasks = {task.key for task in worker.processing}
+                    time.sleep(0.5)
+                    if tasks & {task.key for task in worker.processing}:  # half a second of it is done
+                        os.kill(worker.pid, signal.SIGKILL)
+                        killed.append(worker.address)
+                        break
+
+        killer = threading.Thread(target=kill_one)
+        killer.start()
+        found = diagnose(fleet, tmp_path / "out", "--scheduler", cluster.scheduler_address)
+        killer.join()
+    assert killed
+    assert {"bag1/result.json", "bag2/result.json", "summary.json"} <= found.keys()
+    assert found == diagnosed
 
 
 Given = tuple[list[ReplayJob | DiagnoseJob], int, str | None]
