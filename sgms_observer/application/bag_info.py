@@ -55,20 +55,25 @@ class Use:
 def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
     """Return the purposes that the recording of an axis can be used for."""
     identify = _reason_against_identification(facts)
-    diagnose = identify
-    if not diagnose and facts.reversals < MIN_REVERSALS_TO_DIAGNOSE:
-        diagnose = (
+    diagnose = identify or _reason_against_diagnosis(facts)
+    reasons = {"identify": identify, "diagnose": diagnose, "replay": _reason_against_replay(facts)}
+    return tuple(Use(purpose, not reason, reason) for purpose, reason in reasons.items())
+
+
+def _reason_against_diagnosis(facts: AxisFacts) -> str:
+    """Return why a recording that can be identified from cannot be diagnosed; empty where it can."""
+    if facts.reversals < MIN_REVERSALS_TO_DIAGNOSE:
+        return (
             f"the motion reverses {facts.reversals} times; diagnosis compares blocks that hold both directions and"
             f" needs {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion back and forth, or give several"
             " recordings"
         )
-    if not diagnose and max(facts.piece_durations) < MIN_DURATION:
-        diagnose = (
+    if max(facts.piece_durations) < MIN_DURATION:
+        return (
             f"the longest piece without a pause lasts {max(facts.piece_durations):.3g} s, and {MIN_DURATION:g} s are"
             " needed: record 30 s or more"
         )
-    reasons = {"identify": identify, "diagnose": diagnose, "replay": _reason_against_replay(facts)}
-    return tuple(Use(purpose, not reason, reason) for purpose, reason in reasons.items())
+    return ""
 
 
 def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:

@@ -153,7 +153,7 @@ def find_topic(bag: BagReader, name: str, kind: str = JOINT_STATE) -> str | None
         )
     if found and bag.topics[found[0]] != kind:
         raise RecordingError(
-            f"{found[0]} in {bag.path} is {bag.topics[found[0]] or 'of unknown type'}; {kind} is needed"
+            f"{found[0]} in {bag.path} has the type {bag.topics[found[0]] or '(unknown)'}; {kind} is needed"
         )
     return found[0] if found else None
 

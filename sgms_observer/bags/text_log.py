@@ -90,7 +90,7 @@ class TextLog:
         except ValueError as error:
             if isinstance(error, UnicodeDecodeError):
                 raise
-            reason = self._reason(str(error))
+            sentence = self._line_sentence(str(error))
         dialect = self._dialect
         is_possible = not dialect.has_decimal_comma and dialect.separator != ","
         if is_possible and self._has_decimal_commas(order):  # whole numbers only, up to the first comma
@@ -99,7 +99,7 @@ class TextLog:
                 return self._load(order, is_plain=False)
             except ValueError:
                 self._dialect = dialect
-        raise RecordingError(f"{self._path}{reason}; correct or remove that line")
+        raise RecordingError(sentence)
 
     def _has_decimal_commas(self, order: Sequence[int]) -> bool:
         """Return whether a number in some columns has a comma that cannot stand between thousands."""
@@ -133,18 +133,19 @@ class TextLog:
             )
         return values
 
-    def _reason(self, text: str) -> str:
-        """Return numpy's reason, with the column's name and the line of the file instead of its own row."""
+    def _line_sentence(self, text: str) -> str:
+        """Return the error with numpy's reason, the column's name, and the line of the file instead of numpy's row."""
         place = re.search(r"(.*) (?:at|in) row (\d+)(?:, column (\d+))?", text)
         if place is None:
-            return ": " + text.split("; use")[0].split("\n")[0].strip().rstrip(".;")
+            reason = text.split("; use")[0].split("\n")[0].strip().rstrip(".;")
+            return f"{self._path} cannot be read: {reason}; correct or remove that line"
         line = int(place[2]) + self._dialect.first_row
         if "column index" in place[1]:
-            return f": too few columns in line {line}"
+            return f"{self._path}: too few columns in line {line}; correct or remove that line"
         column = int(place[3]) - 1 if place[3] else -1
         named = f", column {self.names[column]}" if 0 <= column < len(self.names) else ""
         why = " beside decimal commas" if self._dialect.has_decimal_comma and "." in place[1] else ""
-        return f"{named}: {place[1]}{why} in line {line + 1}"
+        return f"{self._path}{named}: line {line + 1} cannot be read, {place[1]}{why}; correct or remove that line"
 
     def _find(self) -> Dialect:
         """Return how the table is written."""

@@ -65,8 +65,11 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _count(text: str) -> int:
-    """Read a number of seeds, at least 2."""
-    value = int(text)
+    """Return a number of seeds, or say why it is none."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
     if value < 2:
-        raise argparse.ArgumentTypeError(f"{text} must be 2 or more")
+        raise argparse.ArgumentTypeError(f"{text} is no number of seeds; give 2 or more")
     return value

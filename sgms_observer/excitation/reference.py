@@ -252,15 +252,16 @@ def _summary(
 ) -> tuple[str, ...]:  # fmt: skip
     """Return sentences about range, peaks, duration and content."""
     readable = limits.units.readable
+    ends = float(position.min()), float(position.max()), float(position[0])
+    low, high, start = limits.units.readable_positions(*ends)
     fastest, hardest = float(np.max(np.abs(velocity))), float(np.max(np.abs(np.diff(velocity)))) * rate
     seconds: dict[str, float] = {}
     for section in sections:
         seconds[section.kind] = seconds.get(section.kind, 0.0) + section.end - section.start
     content = ", ".join(f"{kind} {time:.1f} s" for kind, time in sorted(seconds.items(), key=lambda item: -item[1]))
     lines = [
-        f"{axis.name}: from {readable(float(position.min()))} to {readable(float(position.max()))}, starting and ending"
-        f" at {readable(float(position[0]))}, at most {readable(fastest, 'm/s')} and {readable(hardest, 'm/s^2')},"
-        f" {(len(position) - 1) / rate:.2f} s",
+        f"{axis.name}: from {low} to {high}, starting and ending at {start}, at most {readable(fastest, 'm/s')} and"
+        f" {readable(hardest, 'm/s^2')}, {(len(position) - 1) / rate:.2f} s",
         f"{axis.name}: {content}",
     ]
     if expected:

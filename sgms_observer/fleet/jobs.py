@@ -241,12 +241,12 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str, show: Show) -> list[Outcome
         for future in done(list(running)):
             number = running[future]
             lost = future.exception()
-            found[number] = Outcome(jobs[number].name, _lost(lost)) if lost is not None else future.result()
+            found[number] = Outcome(jobs[number].name, _lost_sentence(lost)) if lost is not None else future.result()
             show(len(found))
     return [found[number] for number in range(len(jobs))]
 
 
-def _lost(error: BaseException) -> str:
+def _lost_sentence(error: BaseException) -> str:
     """Return the sentence about a job that the cluster could not do."""
     text = " ".join(str(error).split())
     return f"the cluster could not do it, {type(error).__name__}: {text}; install the same version on its workers"

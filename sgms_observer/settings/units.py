@@ -14,6 +14,9 @@ JOINT_TYPES = (PRISMATIC, REVOLUTE)
 #: SI prefixes of printed numbers, largest first; smaller numbers keep the last one.
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
 
+MAX_ROUNDING = 1e-9
+"""A position below this share of the largest one of its motion is rounding: sums of steps leave 1e-15."""
+
 _REVOLUTE_WORDS = {"m": "rad", "N": "N m", "kg": "kg m^2"}
 #: Smallest positive and largest magnitude of a quantity on any machine, so that every declared range is finite.
 #: They are wide: they refuse an error of six zeros, not a choice.
@@ -167,3 +170,15 @@ class Units:
         number = float(f"{rounded * factor:.3g}")
         whole = f"{number:.0f}"
         return f"{whole if 1e3 <= abs(number) < 1e6 and float(whole) == number else f'{number:.3g}'} {name}"
+
+    def readable_positions(self, *positions: float) -> list[str]:
+        """Return positions of one motion as ``readable`` does; one that is only rounding of the largest is 0.
+
+        Args:
+            positions: [m], [rad] on a revolute joint.
+        """
+        largest = max(map(abs, positions))
+        return [
+            self.readable(0.0, largest=largest) if abs(position) <= MAX_ROUNDING * largest else self.readable(position)
+            for position in positions
+        ]

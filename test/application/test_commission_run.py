@@ -444,6 +444,7 @@ def test_the_question_is_on_stderr_and_stdout_stays_clean(
     assert command_line.main(options) == 1
     said = capsys.readouterr()
     assert "check of the signs: axis x moves between" in said.err and "Move? [y/N]" in said.err
+    assert "e-" not in said.err.split("moves between")[1].split(" for ")[0], "rounding is shown as 0"
     assert "not confirmed" in said.err
     assert option is None or said.out == ""
     assert axes[0].played == 0

@@ -144,7 +144,7 @@ def test_times_before_one_second_are_moved_and_later_ones_kept(tmp_path: Path) -
         ("t,x\n0,1\n0,2\n0,3\n1,3\n1,4\n", ["time=t", "position=x"], "3 of 5 samples repeat the time t"),
         ("t,x\n0,1\nnan,2\n", ["time=t", "position=x"], "not finite in sample 2"),
         ("t,x\n0,1\n", ["time=t", "position=x"], "two are needed"),
-        ("t,x\n0,1\n1,2\n2,oops\n", ["time=t", "position=x"], "'oops' .* in line 4"),
+        ("t,x\n0,1\n1,2\n2,oops\n", ["time=t", "position=x"], "line 4 cannot be read, .*'oops'"),
         ("t,x\n0,1\n1,2\n2\n", ["time=t", "position=x"], "too few columns in line 4"),
         ("t,x\n0,1\n3e9,2\n", ["time=t", "position=x"], "beyond what a ROS stamp holds"),
         ("words\nonly\n", ["time=t", "position=x"], "no line of numbers"),

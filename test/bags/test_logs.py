@@ -207,7 +207,7 @@ def test_points_between_thousands_beside_decimal_commas(tmp_path: Path) -> None:
 
 def test_other_points_beside_decimal_commas_are_refused(tmp_path: Path) -> None:
     lines = ["t;x", *(f"0,{k:03d};{k}" for k in range(300)), "0,300;0.25"]
-    with pytest.raises(RecordingError, match=r"column x: .*'0.25' .* beside decimal commas in line 302"):
+    with pytest.raises(RecordingError, match=r"column x: line 302 cannot be read, .*'0.25' .* beside decimal commas"):
         _values(tmp_path, lines)
 
 

@@ -219,3 +219,21 @@ def test_a_folder_that_refuses_says_what_helps(
     with pytest.raises(RecordingError) as error:
         whole_file.try_folder(tmp_path)
     assert str(error.value) == f"{tmp_path} cannot be written: {os.strerror(number)}; {remedy}"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["paper", "--out", "p", "--seeds", "abc"], "abc is no number of seeds"),
+        (["paper", "--out", "p", "--seeds", "1"], "1 is no number of seeds"),
+        (["simulate", "--config", "f", "--out", "b", "--duration", "ab"], "ab is no duration"),
+        (["simulate", "--config", "f", "--out", "b", "--seed", "-1"], "-1 is no seed"),
+    ],
+)
+def test_a_number_that_is_none_gets_a_sentence(
+    arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    assert sentence in capsys.readouterr().err

@@ -10,7 +10,8 @@ from pathlib import Path
 from node_sentences import HOLE, PLACES, ROOT
 
 ERRORS = (
-    "ConfigurationError", "RecordingError", "DataError", "SgmsError", "HiddenError", "HeldUp", "_Silence", "OutOfTime"
+    "ConfigurationError", "RecordingError", "DataError", "SgmsError", "HiddenError", "HeldUp", "_Silence", "OutOfTime",
+    "ArgumentTypeError",
 )  # fmt: skip
 PREFIX = "Warning: "
 ELSEWHERE = ("nodes",)
@@ -34,7 +35,9 @@ NOT_MESSAGES = {
 """What the scan finds beside them: a question before a motion, next experiments, results, and a line of a program."""
 
 _HEAD = re.compile(r"^(.*?)(?:[;:(]| - |\. (?=[A-Z])|$)")
-_FEWEST_LETTERS = 11
+MIN_WORDS = 2
+INTERNAL = "Internal error"
+"""Begins what the page explains in one line below the tables."""
 
 
 def command_sentences() -> dict[str, str]:
@@ -46,9 +49,21 @@ def command_sentences() -> dict[str, str]:
             continue
         for sentence in _sentences(path):
             head = beginning(sentence)
-            if head not in NOT_MESSAGES and len(head.replace(HOLE, "")) >= _FEWEST_LETTERS:
+            is_message = len(head.replace(HOLE, " ").split()) >= MIN_WORDS and not head.startswith(INTERNAL)
+            if is_message and head not in NOT_MESSAGES:
                 found.setdefault(head, file.as_posix())
     return found
+
+
+def without_beginning() -> dict[str, str]:
+    """Return each sentence that has words, and no beginning that a row could have, with its file."""
+    return {
+        sentence: path.relative_to(ROOT).as_posix()
+        for path in sorted(ROOT.glob("sgms_observer/**/*.py"))
+        if path.relative_to(ROOT).parts[1] not in ELSEWHERE
+        for sentence in _sentences(path)
+        if not beginning(sentence) and re.search("[a-z]", sentence.removeprefix(PREFIX))
+    }
 
 
 def beginning(sentence: str) -> str:
@@ -58,13 +73,14 @@ def beginning(sentence: str) -> str:
         sentence: with holes for what is filled in.
     """
     plain = sentence.removeprefix(PREFIX).replace(f"{HOLE}: ", f"{HOLE} ", 1).replace("\n", " ")
-    head = _HEAD.match(re.sub(rf"^[{HOLE} .,=]+", "", plain))
+    head = _HEAD.match(re.sub(rf"^([{HOLE} .,:=]|\([^()]*\))+", "", plain))
     assert head is not None
     return re.sub(rf"[{HOLE} .,=]+$", "", head.group(1)).strip()
 
 
 def _sentences(path: Path) -> Iterator[str]:
     tree = ast.parse(path.read_text(encoding="utf-8"))
+    constants = _constants(tree)
     inside = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
     for node in ast.walk(tree):
         if id(node) in inside:
@@ -73,6 +89,8 @@ def _sentences(path: Path) -> Iterator[str]:
             function = _name(node.func)
             if function in (*ERRORS, "warn"):
                 yield from _texts(node.args[0])
+            elif function == OUTCOME and len(node.args) > 1:
+                yield from _texts(constants.get(_name(node.args[1]), node.args[1]))
             elif function in ("append", "extend") and isinstance(node.func, ast.Attribute):
                 yield from _texts(node.args[0]) if _name(node.func.value) in LISTS else ()
         elif isinstance(node, ast.Assign | ast.AnnAssign | ast.AugAssign) and node.value is not None:
@@ -89,10 +107,12 @@ def _sentences(path: Path) -> Iterator[str]:
 
 
 LISTS = ("warning", "warnings", "_warnings", "faults", "fault", "doubts", "out", "poor", "said", "found", "sentence",
-         "sentences")  # fmt: skip
+         "sentences", "failure")  # fmt: skip
 """Names of variables, attributes and arguments that hold messages."""
-RETURNED = r"_sentence$|^caution$|warnings?$|^_reason_against_|^_missing$"
+RETURNED = r"_sentence$|^caution$|warnings?$|^_reason_against_|^_missing$|^compile_ahead$"
 """Names of functions that return a message, or several."""
+OUTCOME = "Outcome"
+"""The result of a job; its second argument is the error."""
 
 
 def _texts(node: ast.AST) -> Iterator[str]:
@@ -111,6 +131,11 @@ def _texts(node: ast.AST) -> Iterator[str]:
         yield from _texts(node.args[0])
     elif text := _text(node):
         yield text
+
+
+def _constants(tree: ast.Module) -> dict[str, ast.expr]:
+    """Return the constants of a module by their names."""
+    return {_name(target): node.value for node in tree.body if isinstance(node, ast.Assign) for target in node.targets}
 
 
 def _name(node: ast.expr) -> str:

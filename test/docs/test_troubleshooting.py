@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from command_sentences import beginning, command_sentences
+from command_sentences import beginning, command_sentences, without_beginning
 from node_sentences import HOLE, ROOT, sentences
 
 PAGE = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
@@ -61,6 +61,10 @@ def test_every_error_and_warning_of_a_command_has_its_row() -> None:
     assert len(listed) == len(set(listed))
 
 
+def test_every_message_has_a_beginning_that_a_row_can_have() -> None:
+    assert without_beginning() == {}
+
+
 def test_the_scan_finds_messages_in_every_form() -> None:
     """Lists of doubts, a returned caution, lists of warnings, arguments, and every folder but the nodes'."""
     said = command_sentences()
@@ -77,6 +81,13 @@ def test_the_scan_finds_messages_in_every_form() -> None:
         "axes must be given": "sgms_observer/settings/node_parameters.py",
         "must rise from entry to entry, but entry … is … after": "sgms_observer/effects/map_entries.py",
         "line … … is not a number": "sim_plant/reference_file.py",
+        "is empty": "sgms_observer/bags/mcap_reader.py",
+        "holds … in": "sgms_observer/bags/writer.py",
+        "has … entries, time": "sgms_observer/bags/conversion.py",
+        "cannot be written, so no kernel can be cached": "sgms_observer/application/kernels.py",
+        "the kernels of … could not be compiled ahead": "sgms_observer/application/kernels.py",
+        "the process that worked on it ended by itself": "sgms_observer/fleet/jobs.py",
+        "is no seed": "sgms_observer/cli/simulate.py",
     }.items():
         assert said[message] == file
 
@@ -94,7 +105,7 @@ def test_each_row_says_what_to_do() -> None:
 def test_beginning_of_a_sentence_is_what_a_reader_can_look_up() -> None:
     assert beginning("Warning: x: the fit did not converge; record longer") == "x"
     assert beginning(f"Warning: {HOLE}: the fit did not converge; record longer") == "the fit did not converge"
-    assert beginning(f"{HOLE} in {HOLE} is {HOLE}; {HOLE} is needed") == f"in {HOLE} is"
+    assert beginning(f"{HOLE} in {HOLE} has the type {HOLE}; {HOLE} is needed") == f"in {HOLE} has the type"
     assert beginning("the position of x is shifted by 1 mm. Home the axis") == "the position of x is shifted by 1 mm"
     assert beginning(f"{HOLE} exists already and is not overwritten; give another name") == (
         "exists already and is not overwritten"

@@ -60,6 +60,12 @@ def test_a_number_is_shown_with_the_prefix_that_suits_its_size(value: float, uni
     assert Units("revolute").readable(value, unit) == text
 
 
+def test_a_position_that_is_only_rounding_is_shown_as_zero() -> None:
+    assert Units("prismatic").readable_positions(-6.62e-24, 0.004) == ["0 mm", "4 mm"]
+    assert Units("prismatic").readable_positions(-1e-8, 0.004) == ["-10 nm", "4 mm"]
+    assert Units("prismatic").readable_positions(0.0, 0.0) == ["0 m", "0 m"]
+
+
 def test_prefixed_numbers_are_the_same_quantity() -> None:
     for size in (3.0, 2e-3, 5e-5, 4e-9):
         factor, unit = Units().prefixed(size)

@@ -94,7 +94,7 @@ def _do(session: Session, steps: Sequence[StepWork]) -> None:
             state, (sentence, files) = DONE, step.work(session)
         except (Exception, KeyboardInterrupt) as error:
             stopped_by = error
-            (state, sentence), files = _told(error), ()
+            (state, sentence), files = _state_and_sentence(error), ()
         seconds = time.monotonic() - begun
         if state == DONE:
             stopped_after.pop(step.name, None)
@@ -113,7 +113,7 @@ def _do(session: Session, steps: Sequence[StepWork]) -> None:
     ledger.write()
 
 
-def _told(error: BaseException) -> tuple[str, str]:
+def _state_and_sentence(error: BaseException) -> tuple[str, str]:
     """Return state and sentence of a stopped step."""
     if isinstance(error, OutOfTime):
         return SKIPPED, str(error)

@@ -219,11 +219,12 @@ class Session:
         """
         self.need(times * self.duration_of(motion), f"the motion ({purpose})")
         readable, origin = self.axis.units.readable, self.origin
-        low, high = origin + float(motion.position.min()), origin + float(motion.position.max())
+        low, high = self.axis.units.readable_positions(
+            origin + float(motion.position.min()), origin + float(motion.position.max())
+        )
         sentence = (
-            f"{purpose}: axis {self.axis.name} moves between {readable(low)} and {readable(high)} for"
-            f" {motion.duration:.0f} s, at up to {readable(motion.peak_speed, 'm/s')} and"
-            f" {readable(motion.peak_acceleration, 'm/s^2')}"
+            f"{purpose}: axis {self.axis.name} moves between {low} and {high} for {motion.duration:.0f} s,"
+            f" at up to {readable(motion.peak_speed, 'm/s')} and {readable(motion.peak_acceleration, 'm/s^2')}"
         )
         if not self._confirm(sentence):
             raise DataError("the motion was not confirmed, so nothing moved; start again to go on")
