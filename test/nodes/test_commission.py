@@ -218,9 +218,9 @@ def test_the_experiment_for_what_is_ambiguous(start: Start, graph: Graph, commis
     """The first diagnosis names two effects; Ctrl-C in the experiment for them; the rerun plays it and goes on.
 
     Either name of the pair is accepted in the end. The effect is weak, so that the first recording leaves it ambiguous,
-    and there is time for one experiment only. After it the pair mostly stays ambiguous, and sometimes the wrong name is
-    left. ``test_separating_experiment.py`` demands the true name, of an effect twice as large and with up to three
-    experiments.
+    and there is time for one experiment only. Of six simulated recordings, the diagnosis with that experiment left four
+    ambiguous; one got the true name and one the wrong name. ``test_separating_experiment.py`` demands the true name, of
+    an effect twice as large and with up to three experiments.
     """
     start("stage_node", table(axis=WEAK, signals=NOISY))
     graph.listen("friction_compensation", "reference")
