@@ -156,7 +156,16 @@ def read_reference_file(
     Raises:
         ConfigurationError: if the file is missing or not such a table, or its times do not increase.
     """
-    time, position = _read_columns(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(
+            [
+                f"stage.reference.file = {path} cannot be read ({error}); check the path, which starts at the folder of"
+                " the parameter file; sgms excite writes such a file"
+            ]
+        ) from error
+    time, position = points_from(text, path)
     return through_points(time, position, interpolation, velocity=velocity, acceleration=acceleration, jerk=jerk)
 
 
@@ -190,20 +199,19 @@ def through_points(
     return PiecewiseCubic(time, np.ascontiguousarray(pieces))
 
 
-def _read_columns(path: Path) -> tuple[Floats, Floats]:
-    """Return the times and positions of a file with at least two good rows."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(
-            [
-                f"stage.reference.file = {path} cannot be read ({error}); check the path, which starts at the folder of"
-                " the parameter file; sgms excite writes such a file"
-            ]
-        ) from error
+def points_from(text: str, path: Path) -> tuple[Floats, Floats]:
+    """Return the times [s] and positions [m] of a CSV, at least two of each; the times increase.
+
+    Args:
+        text: content of the file, as ``read_reference_file`` describes it.
+        path: the file, for the sentence.
+
+    Raises:
+        ConfigurationError: it is not such a table, or its times do not increase.
+    """
     rows: list[tuple[float, float]] = []
     titles_allowed = True
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         cells = [cell.strip() for cell in line.replace(";", ",").split(",")[:2]]

@@ -35,6 +35,7 @@ from sgms_observer.application.commission.motion import Motion, approach
 from sgms_observer.application.commission.run import STEPS, StepWork, commission
 from sgms_observer.application.commission.session import OutOfTime, Plan, Request, Session
 from sgms_observer.application.commission.table import Heard, HeldUp, Topics, Watch
+from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli import main as command_line
 from sgms_observer.errors import ConfigurationError, DataError, RecordingError
@@ -157,9 +158,11 @@ class Run:
         self.config.write_text(START)
         self.said: list[str] = []
 
-    def session(self, fault: Fault | None = None, in_step: str = "", seconds: float = 1800.0) -> Session:
+    def session(
+        self, fault: Fault | None = None, in_step: str = "", seconds: float = 1800.0, motion: str | Path = ""
+    ) -> Session:
         """Return a session as the command makes it; the fault acts in the motions of one step."""
-        request = Request(str(self.config), self.out, seconds=seconds)
+        request = Request(str(self.config), self.out, motion=str(motion), seconds=seconds)
         plan = Plan.of(request)
         ledger = Ledger.open(self.out, request.as_json(), False)
         self.said = []
@@ -274,6 +277,87 @@ def test_a_motion_that_a_busy_computer_stopped_is_played_again_as_it_was(way: Ru
     ] * 2
     told = result["steps"][NAMES.index("compensate")]["sentence"]
     assert "0.3: 2.29" in told and "0.6: 1.31" in told and "gain 0.9 is kept" in told
+
+
+def to_and_fro(amplitude: float, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return times [s] and positions [m] of two periods of a cosine [m, s], which starts and ends at rest."""
+    time = PERIOD * np.arange(round(2.0 * period / PERIOD) + 1)
+    return time, amplitude * np.cos(2.0 * np.pi * time / period)
+
+
+def rows(time: np.ndarray, position: np.ndarray) -> str:
+    """Return a CSV without a velocity: it needs none."""
+    return "time,position\n" + "".join(f"{at:.9g},{place:.12g}\n" for at, place in zip(time, position, strict=True))
+
+
+@pytest.mark.parametrize("is_bag", [False, True])
+def test_before_and_after_play_the_motion_of_the_user(way: Run, tmp_path: Path, is_bag: bool) -> None:
+    """The positions of the file are those of the axis, which begins at 100 mm here."""
+    time, position = to_and_fro(3.0e-3, 2.0)
+    position += 0.1
+    own = tmp_path / ("bag" if is_bag else "own.csv")
+    if is_bag:
+        with BagWriter(own) as bag:
+            stamps = np.rint(1e9 * (time + 50.0)).astype(np.int64)
+            bag.write_joint_states("reference", stamps, ["w", "x"], position=np.column_stack([9.0 * time, position]))
+    else:
+        own.write_text(rows(time, position))
+    session = way.session(motion=own)
+    way.axis.stands_at = way.axis.set_point = 0.1
+    commission(session, nullcontext())
+    result = way.result()
+    assert result["usable"] is True
+    assert f"; {own}: 4.6 s over 6 mm, at up to 9.42 mm/s" in result["steps"][NAMES.index("excite")]["sentence"]
+    for name in ("own", "before", "after"):
+        played = read_joint_states(way.out / "recordings" / name, "reference").position[:, 0]
+        np.testing.assert_allclose(played[-300 - len(position) : -300], position, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(played[-300:], position[-1], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "has 0 lines of time and position, and a reference needs at least two"),
+        ("time,position\n0,0.001\n", "has 1 lines of time and position"),
+        ("position\n0.001\n0.002\n", "line 2: the position is missing; write time [s] and position with a comma"),
+        ("time,position\n0,far\n1,0.002\n", "line 2: 'far' is not a number"),
+        ("time,position\n0,0.001\n1,nan\n", "line 3: '1,nan' is not finite"),
+        ("time,position\n0,0.0\n2,1e-3\n1,0.0\n", "line 4: time 1.0 s does not come after 2.0 s; sort the lines"),
+        (rows(*to_and_fro(15.0e-3, 3.0)), "goes as far as 15 mm, more than the 10 mm that are allowed around 0"),
+        (rows(*to_and_fro(9.0e-3, 0.7)), "moves at up to 80.8 mm/s, more than the 50 mm/s that are allowed"),
+        (rows(*to_and_fro(1.0e-3, 0.14)), "accelerates by up to 2.01 m/s^2, more than the 1 m/s^2 that are allowed"),
+    ],
+)  # fmt: skip
+def test_an_unusable_motion_of_the_user_is_one_sentence_and_nothing_is_recorded(
+    way: Run, tmp_path: Path, text: str, sentence: str
+) -> None:
+    own = tmp_path / "own.csv"
+    own.write_text(text)
+    with pytest.raises(ConfigurationError) as error:
+        commission(way.session(motion=own), nullcontext())
+    assert len(error.value.sentences) == 1 and str(own) in str(error.value) and sentence in str(error.value)
+    assert way.axis.played == 1 and way.states()["excite"] == FAILED  # the check of the signs was played
+
+
+def test_a_motion_of_the_user_that_is_not_there_is_one_sentence(way: Run, tmp_path: Path) -> None:
+    """A bag has to hold the reference of this axis. The same command goes on when the file is there."""
+    other, still, later = (tmp_path / name for name in ("other", "still", "later.csv"))
+    for bag, name, stamps in ((other, "y", np.arange(5)), (still, "x", np.zeros(5, np.int64))):
+        with BagWriter(bag) as written:
+            written.write_joint_states("reference", stamps, [name], position=np.zeros((5, 1)))
+    for own, sentence in (
+        (tmp_path / "no", "does not exist; check the path"),
+        (other, "has no reference of axis x; record one with the topic reference"),
+        (still, "holds no motion: give a bag with the topic reference, or a CSV of excite"),
+        (later, "cannot be read: .*No such file"),
+    ):
+        shutil.rmtree(way.out, ignore_errors=True)
+        with pytest.raises((ConfigurationError, RecordingError), match=sentence) as error:
+            commission(way.session(motion=own), nullcontext())
+        assert str(own) in str(error.value) and way.states()["excite"] == FAILED
+    later.write_text(rows(*to_and_fro(3.0e-3, 2.0)))
+    commission(way.session(motion=later), nullcontext())
+    assert way.result()["usable"] is True
 
 
 def test_what_was_found_behind_a_step_that_is_done_again_is_forgotten(way: Run) -> None:

@@ -37,6 +37,8 @@ START = start_file(
     WINDOW, "estimator: {kind: mhe, correction_every: 2, parameters: [kappa]}", "compensation: {limit: 10.0}"
 )
 HIDDEN = "effects: {names: [cogging], cogging: {amplitude: 1.4, pitch: 2.0e-3, phase: 0.3}}"
+TWO_HIDDEN = HIDDEN.replace("[cogging]", "[cogging, offset]").replace("}}", "}, offset: {force: 0.8}}")
+"""Cogging and a constant force."""
 WEAK = "effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.05}}"
 """Friction that depends on the direction: an offset wherever the sliding force is constant. In much noise the first
 recording, which is seldom near the Stribeck velocity, does not tell the two apart."""
@@ -185,15 +187,18 @@ def stopped(run: Commission, step: str, *words: str) -> None:
 
 
 def test_the_whole_way(start: Start, commission: Any, browser: Browser) -> None:
-    """The hidden effect is named, and the tracking error falls at least five times with no peak larger."""
-    start("stage_node", table(HIDDEN))
+    """Both hidden effects are named, and the tracking error falls at least five times with no peak larger."""
+    start("stage_node", table(axis=TWO_HIDDEN))
     run = commission("--time", "1500")
     code, said = run.end(15 * PATIENCE)
     assert code == 0, said
     result = run.result()
     assert [one["state"] for one in result["steps"]] == ["done"] * 10, said
-    assert [effect["name"] for effect in result["effects"]] == ["cogging"]
-    assert result["effects"][0]["parameters"]["pitch"] == pytest.approx(2.0e-3, rel=2e-3)
+    assert sorted(effect["name"] for effect in result["effects"]) == ["cogging", "offset"]
+    assert not any(effect["alternatives"] for effect in result["effects"])
+    found = {effect["name"]: effect["parameters"] for effect in result["effects"]}
+    assert found["cogging"]["pitch"] == pytest.approx(2.0e-3, rel=2e-3)
+    assert found["offset"]["force"] == pytest.approx(0.8, rel=0.1)
     tracking = result["tracking"]
     assert tracking["unit"] == "m"
     assert tracking["rms_after"] * 5.0 < tracking["rms_before"]
@@ -210,7 +215,13 @@ def test_the_whole_way(start: Start, commission: Any, browser: Browser) -> None:
 
 
 def test_the_experiment_for_what_is_ambiguous(start: Start, graph: Graph, commission: Any) -> None:
-    """The first diagnosis names two effects; Ctrl-C in the experiment for them; the rerun plays it and goes on."""
+    """The first diagnosis names two effects; Ctrl-C in the experiment for them; the rerun plays it and goes on.
+
+    Either name of the pair is accepted in the end. The effect is weak, so that the first recording leaves it ambiguous,
+    and there is time for one experiment only. Of six simulated recordings, the diagnosis with that experiment left four
+    ambiguous; one got the true name and one the wrong name. ``test_separating_experiment.py`` demands the true name, of
+    an effect twice as large and with up to three experiments.
+    """
     start("stage_node", table(axis=WEAK, signals=NOISY))
     graph.listen("friction_compensation", "reference")
     run = commission("--time", "1500")

@@ -47,16 +47,17 @@ from sgms_observer.offline.recording import read_recordings
 from sgms_observer.settings.axis import AxisSettings, FrictionSettings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
+from sim_plant.reference_file import points_from
 
 
 def _own_rows(path: Path, axis: AxisSettings) -> tuple[Floats, Floats]:
     """Return times [s] and set-points [m] of a motion: of a bag, or of a CSV with columns for time and position."""
     if path.suffix == ".csv":
         try:
-            rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
-        except (OSError, ValueError) as error:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
             raise RecordingError(f"{path} cannot be read: {error}; give a CSV as sgms excite writes it") from None
-        return rows[:, 0], rows[:, 1]
+        return points_from(text, path)
     states = read_joint_states(path, "reference")
     if axis.name not in states.names or not states.stamp_ns.size:
         raise ConfigurationError([f"{path} has no reference of axis {axis.name}; record one with the topic reference"])
