@@ -390,7 +390,7 @@ class WrittenFits:
         return self._largest(name, found, lambda column, zero: found.size_over(column, zero, float(errors[column])))
 
     def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:
-        """Return the largest value of the strength parameters of an effect, from their columns and values without it."""
+        """Return the largest value of the strength parameters of an effect, of their columns and values without it."""
         place = [item.name for item in self.after.effects].index(name)
         parameters, without = effect(name).parameters, self.setup.values_without(name)
         return max(
