@@ -230,6 +230,10 @@ def points_from(text: str, path: Path) -> tuple[Floats, Floats]:
                     " between them"
                 ]
             )
+        if ";" in line and "," in line:
+            raise ConfigurationError(
+                [f"{path}, line {number}: {line[:60]!r} has semicolons and commas; write numbers with a decimal point"]
+            )
         if not np.isfinite(row).all():
             raise ConfigurationError(
                 [f"{path}, line {number}: {line[:60]!r} is not finite; correct or remove the line"]

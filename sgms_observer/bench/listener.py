@@ -33,25 +33,25 @@ class _Heard:
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
-        self._kept = bytearray()
+        self._records = bytearray()
         self._arrivals = array("q")
 
     def taking(self) -> Callable[[bytes], None]:
         """Return what takes the topic's messages."""
-        kept, keep, keep_arrival, now = self._kept, self._kept.extend, self._arrivals.append, time.time_ns
+        records, add, add_arrival, now = self._records, self._records.extend, self._arrivals.append, time.time_ns
 
         def take(message: bytes) -> None:
-            keep_arrival(now())
-            if not kept:
+            add_arrival(now())
+            if not records:
                 print(first_message(self._topic), flush=True)
-            keep(message[_STAMP])
-            keep(message[_LAST])
+            add(message[_STAMP])
+            add(message[_LAST])
 
         return take
 
     def table(self) -> Ints:
         """Return stamp [ns], arrival [ns] and the bits of the last axis's effort [N], shape (3, n)."""
-        parts = np.frombuffer(bytes(self._kept), "<i4,<u4,<i8")
+        parts = np.frombuffer(bytes(self._records), "<i4,<u4,<i8")
         stamps = parts["f0"].astype(np.int64) * 1_000_000_000 + parts["f1"]
         return np.stack([stamps, np.array(self._arrivals, np.int64), parts["f2"]])
 

@@ -165,10 +165,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     of_direction = direction_tests(data, final)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
-    is_learnt = any(
-        not (item.is_at_rest or item.is_friction_curve or (diagnosis.is_contact_hidden and item.is_of_contact))
-        for item in learnt
-    )
+    is_learnt = any(item.is_beyond_contact(diagnosis.is_contact_hidden) for item in learnt)
     beyond_contact = []
     if not (unnamed_rest.passed or is_learnt or unnamed):
         beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]

@@ -347,7 +347,7 @@ def strength(item: Candidate, held: Set[int] = frozenset()) -> float:
     shape = {(i, j) for i, j in found.free if i == place and not parameters[j].is_strength}
     errors = found.standard_errors(shape, held)
     of_effect = {j: error for (i, j), error in errors.items() if i == place}
-    return strength_over_error(item.settings, of_effect, item.setup.values_without(item.settings.name))
+    return strength_over_error(item.settings, of_effect, item.setup.null_values(item.settings.name))
 
 
 def strength_beyond_tolerance(item: Candidate, before: Refit) -> float:
@@ -376,13 +376,13 @@ def values_at_end(fit: Refit, setup: RefitSetup) -> frozenset[int]:
     return frozenset(np.flatnonzero(np.abs(fit.logs) >= (1.0 - RANGE_END_TOLERANCE) * bound).tolist())
 
 
-def strength_over_error(settings: EffectSettings, errors: Mapping[int, float], without: Sequence[float]) -> float:
+def strength_over_error(settings: EffectSettings, errors: Mapping[int, float], null: Sequence[float]) -> float:
     """Return the largest strength parameter of an effect over its standard error.
 
     Args:
         settings: the effect.
         errors: standard error of each free parameter, by its index.
-        without: values of its parameters at which it explains nothing.
+        null: values of its parameters that are no finding.
 
     Returns:
         Infinite if the effect has no free strength parameter.
@@ -392,7 +392,7 @@ def strength_over_error(settings: EffectSettings, errors: Mapping[int, float], w
     for j, error in errors.items():
         parameter, value = parameters[j], settings.values[j]
         if parameter.is_strength and error > 0.0:
-            size = abs(parameter.linear(value) - parameter.linear(without[j]))
+            size = abs(parameter.linear(value) - parameter.linear(null[j]))
             found.append(size / parameter.linear_error(value, error))
     return max(found, default=math.inf)
 

@@ -390,12 +390,12 @@ class WrittenFits:
         return self._largest(name, found, lambda column, zero: found.size_over(column, zero, float(errors[column])))
 
     def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:
-        """Return the largest value of the strength parameters of an effect, of their columns and values without it."""
+        """Return the largest value of the strength parameters of an effect, of their columns and null values."""
         place = [item.name for item in self.after.effects].index(name)
-        parameters, without = effect(name).parameters, self.setup.values_without(name)
+        parameters, null = effect(name).parameters, self.setup.null_values(name)
         return max(
             (
-                value(column, parameters[j].linear(without[j]))
+                value(column, parameters[j].linear(null[j]))
                 for column, (i, j) in enumerate(found.free)
                 if i == place and parameters[j].is_strength
             ),

@@ -507,11 +507,11 @@ class RefitSetup:
         setup = replace(self, held_effects=self.held_effects | {name})
         return setup, tuple(given[name] if item.name == name else item for item in effects)
 
-    def values_without(self, name: str) -> tuple[float, ...]:
-        """Return the values of an effect at which it explains nothing.
+    def null_values(self, name: str) -> tuple[float, ...]:
+        """Return the values of an effect that are no finding.
 
-        They are the defaults. Of an effect of the file with strengths alone they are the values of the file, which
-        another value has to differ from.
+        They are the defaults, at which it makes no force. Of an effect of the file that has strengths alone they are
+        the values of the file.
         """
         entry = effect(name)
         given = {item.name: item.values for item in self.file_effects}

@@ -41,7 +41,7 @@ class GapData:
         """Return the recordings for the answer of a diagnosis."""
         state = diagnosis.final_state
         motions = state.held_out_motions or tuple(half for motion in state.fit_motions for half in halves(motion))
-        model = diagnosis.written.before.model
+        model = diagnosis.written.after.model
         return cls(diagnosis, options, motions, data_with_noise_of(motions, diagnosis.evaluation.fit_data, model))
 
     @property

@@ -74,6 +74,14 @@ class FittedMap:
         """Return whether the force depends on the velocity alone, as the friction of every sliding contact does."""
         return self.coordinates == ("velocity",)
 
+    def is_beyond_contact(self, is_contact_hidden: bool) -> bool:
+        """Return whether the force is surely not that of another contact.
+
+        Args:
+            is_contact_hidden: whether the encoder is too coarse for the contact.
+        """
+        return not (self.is_at_rest or self.is_friction_curve or (is_contact_hidden and self.is_of_contact))
+
     def lowest_force(self, sign: float) -> float:
         """Return the smallest force in one direction that is the same for both directions of motion [N].
 

@@ -173,8 +173,8 @@ def largest_noise(noise: Sequence[Noise]) -> Noise:
 def with_extra_variance_of(residual: Floats, noise: Noise, unknown: UnknownFriction) -> Noise:
     """Return the noise of other recordings with the extra variances of a residual where they are larger.
 
-    How much less samples tell where the contact sticks or the encoder hides reversals depends on the motion: a
-    recording without rests does not tell it of one with rests.
+    The extra variance where the contact sticks or the encoder hides reversals depends on the motion: it cannot be
+    measured in recordings without rests.
 
     Args:
         residual: at the rate of residuals [N].

@@ -143,6 +143,7 @@ def compared(
     its place; among equals the rules of the first choice decide. Effects that a contact law cannot imitate are compared
     while the contact slides. A change of the file has no place that an effect could take. Where the model leaves more
     than noise, what is missing may make a small difference between two effects: it has to be larger than that.
+    Otherwise an effect of the file keeps its place even if a rival predicts significantly better.
 
     Args:
         state: state with everything that was accepted.
@@ -182,12 +183,12 @@ def compared(
     for rival in rivals:
         best = rival if rivals[rival].passed and z_score(rival, best) > 0.0 else best
     models = {key: one.current.model for key, one in states.items()}
-    is_closed = evaluation.is_gap_closed(models[best])
+    is_closed, least = evaluation.is_gap_closed(models[best]), options.criteria.min_imitable_share
 
     def is_equal(key: str) -> bool:
         if z_score(best, key) <= most:
             return True
-        return key in listed and not (is_closed or _beyond_rest(best, key, models, evaluation).passed)
+        return key in listed and not is_closed and _share_beyond_rest(best, key, models, evaluation) < least
 
     equal = {key: one for key, one in decisions.items() if one.passed and is_equal(key)}
     start = equal.get(name, decisions[best]) if has_place else decisions[best]
@@ -195,34 +196,34 @@ def compared(
     best = first.candidate.name
     tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
     if not evaluation.is_gap_closed(models[best]):
-        beyond = {
-            key: _beyond_rest(best, key, models, evaluation) for key, test in tests.items() if abs(test.value) > most
-        }
-        tests |= {key: test for key, test in beyond.items() if not test.passed}
+        for key, test in tests.items():
+            pair = (best, key) if test.value > 0.0 else (key, best)
+            share = _share_beyond_rest(*pair, models, evaluation) if abs(test.value) > most else 1.0
+            if share < least:
+                title = f"squared difference / (difference + residual above noise) from {key}"
+                tests[key] = at_least(best, title, share, least)
     if best != name:
         state = states[best].refitted(states[best].current)
     return state, replace(item, accepted=first, comparisons=tests)
 
 
-def _beyond_rest(best: str, rival: str, models: Mapping[str, Model], evaluation: EvaluationData) -> Test:
-    """Return the test that an effect differs from a rival by more than what its model leaves above the noise.
+def _share_beyond_rest(better: str, other: str, models: Mapping[str, Model], evaluation: EvaluationData) -> float:
+    """Return the squared difference of two effects over its sum with what the better one leaves above the noise.
 
     Args:
-        best: the effect.
-        rival: the other one, which predicts worse.
+        better: the effect that predicts better.
+        other: the other one.
         models: model with each of them.
         evaluation: the recordings.
     """
     motions, weights = evaluation.motions, evaluation.weights
-    if not (is_confusable_with_contact(best) or is_confusable_with_contact(rival)):
-        weights = tuple(fast.astype(np.float64) for fast in slides_fast(models[best], motions))
-    ours, theirs = (rms(weighted(residuals(models[key], motions), weights)) ** 2 for key in (best, rival))
+    if not (is_confusable_with_contact(better) or is_confusable_with_contact(other)):
+        weights = tuple(fast.astype(np.float64) for fast in slides_fast(models[better], motions))
+    ours, theirs = (rms(weighted(residuals(models[key], motions), weights)) ** 2 for key in (better, other))
     counted = rms(weights) ** 2
     difference = max(theirs - ours, 0.0) / counted if counted > 0.0 else 0.0
-    left = max(evaluation.rms(models[best]) ** 2 - evaluation.floor**2, 0.0)
-    share = difference / max(difference + left, 1.0e-300)
-    title = f"squared difference / (difference + residual above noise) from {rival}"
-    return at_least(best, title, share, evaluation.criteria.min_imitable_share)
+    left = max(evaluation.rms(models[better]) ** 2 - evaluation.floor**2, 0.0)
+    return difference / max(difference + left, 1.0e-300)
 
 
 def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:

@@ -102,7 +102,7 @@ def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Mod
     Args:
         motions: recordings; may be empty.
         data: the other recordings; the largest of their noises is used, with the largest extra variance at rest.
-        model: model that computes where the contact sticks; what it leaves there tells the extra variances.
+        model: model that computes where the contact sticks; the extra variances are those of its residual.
     """
     rest_variance = max(one.rest_variance for one in data.noise)
     noise = replace(largest_noise(data.noise), rest_variance=rest_variance)

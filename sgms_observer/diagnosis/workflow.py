@@ -218,7 +218,8 @@ def _search_and_prune(
     """Return the state with everything that is accepted in the end, the rounds, and the fits as they are written.
 
     An effect may take the place of others and fail a test of the whole result only. It is removed then, and the search
-    is repeated from what is left, without it: what it displaced may come back.
+    is repeated from what is left, without it: what it displaced may come back. An effect that may lie within the
+    tolerance of the file stays an alternative, which cannot be added.
 
     Args:
         file_state: state after the refit within the tolerance.
@@ -295,8 +296,8 @@ class _Search:
         states: the state before each round, and the one after the last.
         rounds: rounds so far.
         earlier: rounds of the search that it goes on from.
-        small: failed test of each effect that may lie within the tolerance of the file. It has no name of its own, and
-            remains a rival: what one of them explains alone has no other name for sure.
+        small: failed test of each effect that may lie within the tolerance of the file. It cannot be added, but stays
+            an alternative of what is added in its place.
     """
 
     states: tuple[FitState, ...]
@@ -403,7 +404,7 @@ def _search(
         state = replace(found.state, current=current)
         evaluation = state.evaluation(options)
         if found.rounds and evaluation.is_gap_closed(current.model) and not _is_predictable(current.model, evaluation):
-            predicted = _sure_predictions(found.rounds[-1])
+            predicted = _sure_predictions(found.rounds[-1]) - found.small.keys()
             names, changed = ([name for name in one if name in predicted] for one in (names, changed))
             if not names:
                 return replace(found, states=(*found.states[:-1], state))

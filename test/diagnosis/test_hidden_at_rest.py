@@ -243,5 +243,10 @@ def test_a_map_over_the_coordinates_of_a_contact_may_be_the_hidden_contact() -> 
     def is_of_contact(*coordinates: str) -> bool:
         return FittedMap(Mock(), coordinates, Mock(), 0.2, "a force", Mock()).is_of_contact
 
+    def is_beyond(*coordinates: str, is_hidden: bool = False) -> bool:
+        return FittedMap(Mock(), coordinates, Mock(), 0.2, "a force", Mock()).is_beyond_contact(is_hidden)
+
+    assert is_beyond("position") and is_beyond("load", "direction") and is_beyond("position", is_hidden=True)
+    assert not (is_beyond("velocity") or is_beyond("rest") or is_beyond("load", "direction", is_hidden=True))
     assert is_of_contact("load", "direction") and is_of_contact("velocity") and is_of_contact("rest", "direction")
     assert not is_of_contact("position", "direction") and not is_of_contact("time", "direction")

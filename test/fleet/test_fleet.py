@@ -243,8 +243,10 @@ def test_a_diagnosis_on_a_cluster_that_loses_a_worker_gives_the_same(
 
         killer = threading.Thread(target=kill_one)
         killer.start()
-        found = diagnose(fleet, tmp_path / "out", "--scheduler", cluster.scheduler_address)
-        killer.join()
+        try:
+            found = diagnose(fleet, tmp_path / "out", "--scheduler", cluster.scheduler_address)
+        finally:
+            killer.join()
     assert killed
     assert {"bag1/result.json", "bag2/result.json", "summary.json"} <= found.keys()
     assert found == diagnosed

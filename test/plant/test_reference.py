@@ -136,6 +136,7 @@ def test_closed_file_is_smooth_across_its_end(tmp_path: Path) -> None:
         ("0,1\n0,2\n", r"line 2: time 0\.0 s does not come after"),
         ("0,1\n1,nan\n", "line 2: .* is not finite"),
         ("t,x\n0,1\nend,of file\n", "line 3: 'end' is not a number"),
+        ("0;0,5\n1;0,6\n", "line 1: '0;0,5' has semicolons and commas"),
         ("0\n1\n", "line 2: the position is missing"),
         ("t,x\n0,1\n1,abc\n", r"bad\.csv, line 3: 'abc' is not a number; correct or remove the line$"),
     ],
