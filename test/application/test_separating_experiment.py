@@ -30,7 +30,7 @@ HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {sh
       stage:
         reference: {kind: file, file: FILE}
         encoder: {resolution: 1.0e-8, noise: 2.0e-8}
-        force_noise: 0.4
+        force_noise: 0.6
 """
 PERIOD = 1.0e-3
 SEARCHED = ("asymmetric_coulomb", "offset", "spring", "cogging", "quadratic_drag", "actuator_gain")
