@@ -25,7 +25,7 @@ _LAST = slice(-8, None)  # the last number of the message: the effort of the las
 
 
 class _Heard:
-    """What one topic said, as raw as it came.
+    """The messages of one topic, as they came.
 
     Args:
         topic: its name.

@@ -360,7 +360,7 @@ class WrittenFits:
             Infinite if the effect has no free strength parameter.
         """
         found = self.strengths.linear(self.after.effects)
-        return self._largest(name, found, lambda column, zero: found.smaller_z_score(column, zero, least))
+        return self._largest(name, found, lambda column, null: found.smaller_z_score(column, null, least))
 
     def strength_over_scatter(self, name: str, has_fixed_shape: bool) -> float:
         """Return the strength of an effect over its scatter between recordings; infinite without a free strength.
@@ -387,10 +387,10 @@ class WrittenFits:
         """
         found = self.with_common_values.linear(self.after.effects)
         errors = found.errors_with_significant_scatter(z_score)
-        return self._largest(name, found, lambda column, zero: found.size_over(column, zero, float(errors[column])))
+        return self._largest(name, found, lambda column, null: found.size_over(column, null, float(errors[column])))
 
     def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:
-        """Return the largest value of the strength parameters of an effect, of their columns and null values."""
+        """Return the largest ``value`` of the strength parameters of an effect, from their columns and null values."""
         place = [item.name for item in self.after.effects].index(name)
         parameters, null = effect(name).parameters, self.setup.null_values(name)
         return max(

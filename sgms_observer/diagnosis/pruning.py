@@ -183,25 +183,25 @@ def compared(
     for rival in rivals:
         best = rival if rivals[rival].passed and z_score(rival, best) > 0.0 else best
     models = {key: one.current.model for key, one in states.items()}
-    is_closed, least = evaluation.is_gap_closed(models[best]), options.criteria.min_imitable_share
+
+    def comparison(one: str, other: str) -> Test:
+        value, least = z_score(one, other), options.criteria.min_imitable_share
+        if abs(value) > most and not evaluation.is_gap_closed(models[one]):
+            better, worse = (one, other) if value > 0.0 else (other, one)
+            share = _share_beyond_rest(better, worse, models, evaluation)
+            if share < least:
+                title = f"squared difference / (difference + residual above noise) from {other}"
+                return at_least(one, title, share, least)
+        return compare(one, other, value, options.criteria)
 
     def is_equal(key: str) -> bool:
-        if z_score(best, key) <= most:
-            return True
-        return key in listed and not is_closed and _share_beyond_rest(best, key, models, evaluation) < least
+        return z_score(best, key) <= most or (key in listed and not comparison(best, key).passed)
 
     equal = {key: one for key, one in decisions.items() if one.passed and is_equal(key)}
     start = equal.get(name, decisions[best]) if has_place else decisions[best]
     first = preferred(start, list(equal.values()), listed)
     best = first.candidate.name
-    tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
-    if not evaluation.is_gap_closed(models[best]):
-        for key, test in tests.items():
-            pair = (best, key) if test.value > 0.0 else (key, best)
-            share = _share_beyond_rest(*pair, models, evaluation) if abs(test.value) > most else 1.0
-            if share < least:
-                title = f"squared difference / (difference + residual above noise) from {key}"
-                tests[key] = at_least(best, title, share, least)
+    tests = {key: comparison(best, key) for key in decisions if key != best}
     if best != name:
         state = states[best].refitted(states[best].current)
     return state, replace(item, accepted=first, comparisons=tests)

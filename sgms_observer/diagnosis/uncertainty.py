@@ -99,7 +99,7 @@ class RecordingEstimates:
                 errors[:, column] *= values[0, column] / values[:, column]
         return RecordingEstimates(self.free, values, errors)
 
-    def smaller_z_score(self, column: int, default: float, least: float) -> float:
+    def smaller_z_score(self, column: int, null: float, least: float) -> float:
         """Return the strength over its standard error, the smaller of that of the fit and that of the other recordings.
 
         The others count together, positive with the sign of the fit. The size there may differ from that of the fit,
@@ -107,13 +107,13 @@ class RecordingEstimates:
 
         Args:
             column: of the parameter.
-            default: its value without the effect.
+            null: its value that is no finding.
             least: smallest strength over its standard error at which a recording would surely show the effect.
 
         Returns:
             Infinite if the fit has no error of the parameter.
         """
-        strengths, errors = self.values[:, column] - default, self.errors[:, column]
+        strengths, errors = self.values[:, column] - null, self.errors[:, column]
         if errors[0] <= 0.0:
             return math.inf
         z_score_of_fit = abs(float(strengths[0])) / float(errors[0])
@@ -124,28 +124,28 @@ class RecordingEstimates:
         weights = 1.0 / errors[shows] ** 2
         return min(z_score_of_fit, float(np.sign(strengths[0]) * (weights @ strengths[shows]) / np.sqrt(weights.sum())))
 
-    def strength_over_scatter(self, column: int, default: float) -> float:
+    def strength_over_scatter(self, column: int, null: float) -> float:
         """Return the strength of the fit over its standard deviation in another recording.
 
         Args:
             column: of the parameter.
-            default: its value without the effect.
+            null: its value that is no finding.
 
         Returns:
             Infinite if the fit has no error of the parameter.
         """
         values, errors = self.values[:, column], self.errors[:, column]
-        return self.size_over(column, default, math.hypot(errors[0], math.sqrt(between_variance(values, errors))))
+        return self.size_over(column, null, math.hypot(errors[0], math.sqrt(between_variance(values, errors))))
 
-    def size_over(self, column: int, default: float, deviation: float) -> float:
+    def size_over(self, column: int, null: float, deviation: float) -> float:
         """Return the strength of the fit over a deviation; infinite if the fit has no error of the parameter.
 
         Args:
             column: of the parameter.
-            default: its value without the effect.
+            null: its value that is no finding.
             deviation: in the unit of the parameter.
         """
-        size = abs(float(self.values[0, column]) - default)
+        size = abs(float(self.values[0, column]) - null)
         return size / deviation if self.errors[0, column] > 0.0 else math.inf
 
 

@@ -256,11 +256,8 @@ def _search_and_prune(
 
 def _within_tolerance(rounds: Sequence[Round]) -> dict[str, Test]:
     """Return the failed test of each effect that was removed because it may lie within the tolerance of the file."""
-    decisions = [item for one in rounds for item in one.decisions if item.may_be_within_tolerance]
-    return {
-        test.of: test for item in decisions for test in item.tests
-        if test.name == SIZE_BEYOND_TOLERANCE and not test.passed
-    }  # fmt: skip
+    tests = [test for one in rounds for test in one.tests]
+    return {test.of: test for test in tests if test.name == SIZE_BEYOND_TOLERANCE and not test.passed}
 
 
 def _names_of(rounds: Sequence[Round]) -> frozenset[str]:

@@ -42,6 +42,7 @@ def test_the_designed_motions_separate_what_the_first_recording_does_not(
 ) -> None:
     """At a constant sliding force, one that depends on the direction is an offset; around the Stribeck velocity not.
 
+    In this much force noise the first recording leaves the pair ambiguous.
     The evidence of one experiment scatters; as the command does, another one follows while the pair is ambiguous.
     """
     monkeypatch.setattr(workflow, "catalogue_names", lambda: SEARCHED)
