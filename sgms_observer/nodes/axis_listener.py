@@ -108,6 +108,14 @@ class AxisListener:
             ready -= 1
         return ready
 
+    def between_efforts(self) -> Sequence[tuple[int, float]]:
+        """Return the positions of the time in which efforts arrived; all, where the two topics' stamps share no time.
+
+        Of two topics, or two subscriptions of one, one is connected first, and its messages are processed first.
+        """
+        begin, end = min(self._efforts, default=0), self._latest_effort
+        return [row for row in self.positions if begin <= row[0] <= end] or self.positions
+
     def samples(self, rows: Sequence[tuple[int, float]], reference: tuple[Any, Any] | None = None) -> Samples:
         """Return positions with the efforts of their stamps [SI units].
 

@@ -218,6 +218,8 @@ class ManagedNode(LifecycleNode):
         self.guarded(self._stop)()
         self.fault = fault or self.fault
         super().destroy_node()
+        # rclpy does not release it. It holds the node's participant, whose threads would run into the end of Python.
+        self._state_machine.destroy_when_not_in_use()
 
     def _refusing(self, change: ChangesState) -> ChangesState:
         """Return the service of transitions that refuses an invalid transition.

@@ -109,7 +109,7 @@ class TableLink:
             while time.monotonic() < begun + seconds and not self._signals.first:
                 self._spin(_TURN)
         node, count = self._node, self._node.count_publishers
-        samples = self._listener.samples(self._listener.positions)
+        samples = self._listener.samples(self._listener.between_efforts())
         return Topics(
             names=dict(self._listener.names),
             samples=samples,

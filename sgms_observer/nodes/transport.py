@@ -1,4 +1,4 @@
-"""Prepares the transport between processes: long queues, no ports of killed processes, an unused ROS_DOMAIN_ID."""
+"""Prepares the transport between processes: long queues, nothing of killed processes, an unused ROS_DOMAIN_ID."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ _VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _BESIDE = "DEFAULT_FASTRTPS_PROFILES.xml"  # Fast DDS reads this file from the current folder
 _SHARED_MEMORY = Path("/dev/shm")
 _PORTS = ("fastrtps_port*[0-9]", "fastdds_port*[0-9]")
+_LOCKS = tuple(f"{name}_{'[0-9a-f]' * 16}_el" for name in ("fastrtps", "fastdds"))
 _IS_MADE = b"\x02\x00\x00\x00"
 _LONGEST_MAKING = 5.0
-"""Age after which an incomplete port belongs to a killed process [s]; making one takes milliseconds."""
+"""Age after which an incomplete port, or a segment without a lock, belongs to a killed process [s]; making one takes
+milliseconds."""
 
 FIRST_DOMAIN, LAST_DOMAIN = 1, 100  # 0 is the default of all, and 101 is the last whose ports are not ephemeral
 
@@ -32,6 +34,7 @@ def prepare_transport() -> None:
     Other middleware uses neither. Must run before ``rclpy.init``.
     """
     remove_half_made_ports()
+    remove_left_segments()
     if _VARIABLE in os.environ or Path(_BESIDE).exists():
         return
     try:
@@ -58,6 +61,23 @@ def remove_half_made_ports(folder: Path = _SHARED_MEMORY) -> None:
                     path.unlink()
                     break
                 time.sleep(0.05)
+
+
+def remove_left_segments(folder: Path = _SHARED_MEMORY) -> None:
+    """Remove the segments of shared memory that killed processes left, as ``fastdds shm clean`` does.
+
+    A process of Fast DDS holds a lock on a file beside its segment. With ``config/fastdds.xml`` a segment takes 18 MB,
+    so some killed nodes would fill the 64 MB that a container has by default.
+
+    Args:
+        folder: folder of the segments.
+    """
+    for lock in (path for pattern in _LOCKS for path in folder.glob(pattern)):
+        with suppress(OSError), lock.open("rb") as file:  # held by a running process, or owned by another user
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if time.time() - lock.stat().st_mtime > _LONGEST_MAKING:
+                lock.with_name(lock.name.removesuffix("_el")).unlink(missing_ok=True)
+                lock.unlink()
 
 
 def _is_made(path: Path) -> bool:

@@ -72,6 +72,7 @@ def test_a_recording_is_readable_up_to_the_last_second(number: signal.Signals, g
         publish = {topic: graph.publisher(topic) for topic in encoders}
 
         def is_recorded() -> bool:  # a recorder that was killed before may still count as a subscriber
+            assert process.poll() is None, process.communicate()
             stamp = time.time_ns()
             for topic, encoder in encoders.items():
                 publish[topic](encoder.encode(stamp, (1.0,)))

@@ -385,6 +385,18 @@ def test_only_a_new_stamp_is_a_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> 
     assert [stamp for stamp, _ in listener.positions] == [5_000, 6_000]
 
 
+@pytest.mark.parametrize(("efforts", "expected"), [(range(7, 12), [7, 8, 9]), (range(1000, 1005), list(range(10)))])
+def test_positions_of_a_time_without_efforts_lack_none(efforts: range, expected: list[int]) -> None:
+    """The subscription of the effort was connected later; efforts of another clock share no time with positions."""
+    listener = AxisListener(AxisSettings(name="x"))
+    encode = JointStateEncoder(("x",), ("position", "effort")).encode
+    for stamp in range(10):
+        listener._take_position(encode(stamp, [0.1], [1.0]))
+    for stamp in efforts:
+        listener._take_effort(encode(stamp, [0.1], [1.0]))
+    assert [stamp for stamp, _ in listener.between_efforts()] == expected
+
+
 def test_a_message_behind_a_recording_meets_no_closed_bag(tmp_path: Path) -> None:
     """A motion that is held up ends its recording, and the listener goes on to hear whether the table comes back."""
     listener, encoder = AxisListener(AxisSettings(name="x")), JointStateEncoder(("x",), ("position",))

@@ -74,6 +74,7 @@ def test_a_horizon_is_applied_while_messages_are_late(graph: Graph, start: Start
     start("stage_node", ONE_AXIS.replace("friction: {model: gms}", f"friction: {{model: gms}}, {still}"))
     single = graph.publisher("friction_compensation")
     ahead = graph.publisher("compensation_horizon", JointTrajectory, HORIZON_QOS)
+    graph.meet("stage_node")
     encoder = JointStateEncoder(["x"], ("effort",))
     efforts: dict[int, float] = {}
 
