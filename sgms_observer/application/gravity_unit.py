@@ -63,8 +63,8 @@ def gravity_unit(recordings: Sequence[Recording], balance: ForceBalance) -> Grav
     radians, degrees = (
         residual(np.sin(factor * position), np.cos(factor * position)) for factor in (1.0, RADIANS_PER_DEGREE)
     )
-    is_in_degrees = _is_surely_smaller(degrees, spring) and _explains_more(degrees, radians)
-    turns = not is_in_degrees and _explains_more(radians, without) and _is_surely_smaller(radians, spring)
+    is_in_degrees = _is_significantly_smaller(degrees, spring) and _explains_more(degrees, radians)
+    turns = not is_in_degrees and _explains_more(radians, without) and _is_significantly_smaller(radians, spring)
     shares = [_rms(left) / spread if spread > 0.0 else 0.0 for left in (without, radians, degrees)]
     return GravityUnit(shares[0], shares[1], shares[2], turns, is_in_degrees)
 
@@ -104,10 +104,10 @@ def _residual(rigid: Floats, effort: Floats, *forces: Floats) -> Floats:
 
 def _explains_more(residual: Floats, other: Floats) -> bool:
     """Return whether a residual is decidedly and surely smaller than another one."""
-    return _rms(residual) ** 2 < _MAX_SQUARED_RATIO * _rms(other) ** 2 and _is_surely_smaller(residual, other)
+    return _rms(residual) ** 2 < _MAX_SQUARED_RATIO * _rms(other) ** 2 and _is_significantly_smaller(residual, other)
 
 
-def _is_surely_smaller(residual: Floats, other: Floats) -> bool:
+def _is_significantly_smaller(residual: Floats, other: Floats) -> bool:
     """Return whether the rms of a residual is smaller by more than the scatter of the decrease over blocks of time."""
     ours, theirs = (
         [_rms(block) for block in np.array_split(values, min(_BLOCKS, len(values)))] for values in (residual, other)

@@ -16,7 +16,7 @@ from sgms_observer.application.axis_facts import read_axis_facts
 from sgms_observer.application.bag_info import doubts_about, find_input_topics, losses_in
 from sgms_observer.bags.source import survey_bag
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.late_stamps import is_surely_not_held
+from sgms_observer.diagnosis.late_stamps import is_significantly_not_held
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.errors import ConfigurationError, DataError, RecordingError
 from sgms_observer.offline.band import choose_band
@@ -302,7 +302,7 @@ def _acts_at_stamps(bag: str, axis: AxisSettings, topics: Mapping[str, str]) -> 
         band = choose_band(recordings, axis).corner
     except (DataError, RecordingError):
         return False
-    return is_surely_not_held(recordings, Model.of(axis).with_effects(axis.effects), band, Criteria())
+    return is_significantly_not_held(recordings, Model.of(axis).with_effects(axis.effects), band, Criteria())
 
 
 def _from_bag(

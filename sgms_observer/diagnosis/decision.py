@@ -70,8 +70,8 @@ class Decision:
 
     def significant_share(self, criteria: Criteria) -> float:
         """Return the share of the squared gap that the hypothesis predicts; 0 if not significant."""
-        is_sure = self.tests[0].passed and self.gap.z_score >= criteria.min_z_score
-        return self.reported.share if is_sure else 0.0
+        is_significant = self.tests[0].passed and self.gap.z_score >= criteria.min_z_score
+        return self.reported.share if is_significant else 0.0
 
     @property
     def may_be_within_tolerance(self) -> bool:
@@ -422,8 +422,8 @@ def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluat
     def against(left: Sequence[Floats]) -> Test:
         better = improvement(left, without_effect.blocks(criteria.block))
         share = better.decrease / (max(closed.decrease, 0.0) + better.decrease) if better.decrease > 0.0 else 0.0
-        is_sure = better.z_score > criteria.min_z_score
-        return at_most(item.name, title, share if is_sure else 0.0, criteria.min_predictable_share)
+        is_significant = better.z_score > criteria.min_z_score
+        return at_most(item.name, title, share if is_significant else 0.0, criteria.min_predictable_share)
 
     for one in ((), others):  # the second regression takes time and is needed only if the effect alone does not match
         test = against(_rest(item.refit.model, one, evaluation).blocks(criteria.block))

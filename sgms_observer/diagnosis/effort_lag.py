@@ -59,8 +59,8 @@ def fitted_effort_lags(data: WhitenedData, found: Refit, stated_lag: float) -> t
     normal = left.T @ left
     late = -np.linalg.pinv(normal) @ (left.T @ np.concatenate([found.residual, prior]))
     has_left = np.array([lag != stated_lag for motion in data.motions for lag in motion.lag.values])
-    is_sure = late**2 * np.diag(normal) >= np.where(has_left, MIN_STEP_REDUCTION, MIN_CHI2_REDUCTION)
-    steps = iter(np.where(is_sure, late, 0.0).tolist())
+    is_significant = late**2 * np.diag(normal) >= np.where(has_left, MIN_STEP_REDUCTION, MIN_CHI2_REDUCTION)
+    steps = iter(np.where(is_significant, late, 0.0).tolist())
     return tuple(
         replace(motion.lag, values=tuple(_lag_after(lag, next(steps), stated_lag) for lag in motion.lag.values))
         for motion in data.motions

@@ -100,7 +100,7 @@ def without_presliding(model: Model) -> Model:
     return replace(model, friction=replace(model.friction, element_stiffness=stiffness))
 
 
-def is_surely_not_held(records: Sequence[Recording], model: Model, band: float, criteria: Criteria) -> bool:
+def is_significantly_not_held(records: Sequence[Recording], model: Model, band: float, criteria: Criteria) -> bool:
     """Return whether the effort of recordings surely is not held between samples.
 
     Args:

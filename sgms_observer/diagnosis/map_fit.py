@@ -232,8 +232,8 @@ def effect_and_map(
     assert both is not None  # on the same recordings
     alone = improvement(without[1].blocks(criteria.block), with_it[1].blocks(criteria.block))
     gain = improvement(left_alone, both.left)
-    is_sure = gain.z_score >= criteria.min_z_score
-    share = gain.decrease / max(alone.decrease, 1.0e-300) if is_sure else 0.0
+    is_significant = gain.z_score >= criteria.min_z_score
+    share = gain.decrease / max(alone.decrease, 1.0e-300) if is_significant else 0.0
     title = "share of what it closes that it surely closes beside a map over its coordinates"
     return EffectAndMap(at_least(name, title, share, criteria.min_imitable_share), both.left)
 

@@ -33,7 +33,7 @@ NEED_SLIDING_FORCE = ("frictional_lag", "backlash")
 HALF_A_REVERSAL = 1.0
 """Change of the friction in half a reversal of the contact, over the static force."""
 PERIODIC_DISTURBANCE = "periodic_disturbance"
-"""The effect whose phase is another in every recording: nobody starts a pump or the mains with the recording."""
+"""The effect whose phase differs between recordings: a pump or the mains runs independently of them."""
 PHASE = 2
 """Index of its phase."""
 

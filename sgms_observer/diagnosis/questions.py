@@ -234,9 +234,9 @@ def _feedforward(answer: Answer, checks: Sequence[CompensationCheck], units: Uni
         return Light(BELIEVABILITY, question, BAD, facts + refused)
     if after > before:
         return Light(BELIEVABILITY, question, UNSURE, f"{facts} That it leaves more may be chance.")
-    is_sure = test.value <= -test.threshold
-    chance = "" if is_sure else f" The change is {-test.value:.2g} standard errors, which may be chance."
-    return Light(BELIEVABILITY, question, GOOD if is_sure else UNSURE, facts + chance)
+    is_significant = test.value <= -test.threshold
+    chance = "" if is_significant else f" The change is {-test.value:.2g} standard errors, which may be chance."
+    return Light(BELIEVABILITY, question, GOOD if is_significant else UNSURE, facts + chance)
 
 
 def _tracking(tracking: PredictedTracking | None, units: Units) -> Light:

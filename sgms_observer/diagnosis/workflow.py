@@ -280,9 +280,9 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
     evaluation = narrow.evaluation(options)
     earlier, later = evidence_of(narrow.current, evaluation), evidence_of(state.current, evaluation)
     pair = (earlier.held_out, later.held_out) if evaluation.has_held_out else (earlier.all, later.all)
-    is_sure = improvement(*pair).z_score > options.criteria.min_z_score
+    is_significant = improvement(*pair).z_score > options.criteria.min_z_score
     wide_gap, narrow_gap = (evaluation.reported_rms(one.current.model) for one in (state, narrow))
-    return state if is_sure and wide_gap <= narrow_gap else narrow
+    return state if is_significant and wide_gap <= narrow_gap else narrow
 
 
 @dataclass(frozen=True)

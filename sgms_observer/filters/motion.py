@@ -1,4 +1,4 @@
-"""What a filter says of the motion: one row per sample, and the names of its columns."""
+"""Filtered motion: one row per sample, and the names of its columns."""
 
 from __future__ import annotations
 

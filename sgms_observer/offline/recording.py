@@ -496,7 +496,7 @@ def _even_reading(period: float, seconds: Floats, signals: Sequence[Floats]) -> 
     if np.any(np.diff(number) < 1.0):
         return stamped
     even = _interpolated(number, signals, np.arange(number[-1] + 1.0))
-    if not _is_surely_smoother(even[0], stamped.signals[0]):
+    if not _is_significantly_smoother(even[0], stamped.signals[0]):
         return stamped
     period, begin = (float(value) for value in np.polyfit(number, seconds, 1))
     stray = float(np.max(np.abs(seconds - begin - period * number))) / period
@@ -532,7 +532,7 @@ def _interpolated(times: Floats, signals: Sequence[Floats], wanted: Floats) -> l
     return [position, effort, np.interp(wanted, times, signals[2])]
 
 
-def _is_surely_smoother(position: Floats, other: Floats) -> bool:
+def _is_significantly_smoother(position: Floats, other: Floats) -> bool:
     """Return whether third differences of a position are surely smaller than those of another reading of it.
 
     Those of a smooth motion are small, and what wrong times add to a motion is not smooth. Their rms is compared in

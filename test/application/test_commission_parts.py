@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sgms_observer.application.commission.check import topic_faults
-from sgms_observer.application.commission.compensate import WORSE_PEAK, TrackingWatch
+from sgms_observer.application.commission.compensate import MAX_PEAK_RATIO, TrackingWatch
 from sgms_observer.application.commission.ledger import DONE, FAILED, SKIPPED, Ledger
 from sgms_observer.application.commission.motion import (
     Motion,
@@ -135,9 +135,9 @@ def test_a_growing_error_lets_go_at_once() -> None:
     session: Any = SimpleNamespace(delay=0.0, table=SimpleNamespace(release=lambda: released.append(True)))
     watch = TrackingWatch(session, 1e-6, 0.3)
     watch(heard([-0.1], 9e-6, 0.0))  # on the way to the start
-    watch(heard([0.1], WORSE_PEAK * 0.99e-6, 0.0))
+    watch(heard([0.1], MAX_PEAK_RATIO * 0.99e-6, 0.0))
     assert not released and not watch.has_released
-    watch(heard([0.2], WORSE_PEAK * 1.01e-6, 0.0))
+    watch(heard([0.2], MAX_PEAK_RATIO * 1.01e-6, 0.0))
     watch(heard([0.3], 9e-6, 0.0))
     assert released == [True] and watch.has_released
 

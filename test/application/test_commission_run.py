@@ -461,7 +461,7 @@ def test_the_limit_is_compared_with_the_static_force(way: Run, limit: str, has_w
         assert "compensation.limit = " in (way.out / REPORT).read_text()
 
 
-def test_an_observer_that_is_too_sure_is_corrected_before_it_compensates(
+def test_an_observer_that_is_inconsistent_is_corrected_before_it_compensates(
     way: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def judged(_: Path, config: Path, name: str) -> Consistency:
@@ -473,7 +473,7 @@ def test_an_observer_that_is_too_sure_is_corrected_before_it_compensates(
     assert load_settings(way.out / "commissioned.yaml").axes[0].estimator.measurement_std == 0.2
 
 
-def test_an_observer_that_stays_too_sure_is_a_warning(way: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_observer_that_stays_inconsistent_is_a_warning(way: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compensate, "consistency_of", lambda *_: Consistency(9.0, 0.1))
     warnings = way.whole()["steps"][NAMES.index("observe")]["warnings"]
     assert len(warnings) == 1 and warnings[0].startswith("Warning: NIS is 9 and should be at most 2")
@@ -495,8 +495,8 @@ def test_the_consistency_of_an_observer_over_a_recording(tmp_path: Path) -> None
         "      friction: {model: gms, static_force: 6.0}\n", ""))  # fmt: skip
     assert command_line.main(["simulate", "--config", str(config), "--out", str(bag), "--duration", "2"]) == 0
     right = consistency_of(bag, config, "x")
-    assert not right.is_too_sure and 0.0 < right.std_share < 0.2
-    assert consistency_of(bag, wrong, "x").is_too_sure
+    assert not right.is_inconsistent and 0.0 < right.std_share < 0.2
+    assert consistency_of(bag, wrong, "x").is_inconsistent
 
 
 def test_what_does_not_improve_tracking_is_the_reason(way: Run, monkeypatch: pytest.MonkeyPatch) -> None:

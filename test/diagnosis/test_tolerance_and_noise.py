@@ -167,16 +167,16 @@ def test_what_the_response_shows_of_a_delay_has_to_exceed_the_lag_of_a_held_effo
 
 
 @pytest.mark.parametrize(
-    "is_sure, is_predictable, goes_on", [(True, False, True), (False, True, True), (False, False, False)]
+    "is_significant, is_predictable, goes_on", [(True, False, True), (False, True, True), (False, False, False)]
 )
 def test_noise_does_not_end_the_search_where_it_holds_an_effect(
-    monkeypatch: pytest.MonkeyPatch, is_sure: bool, is_predictable: bool, goes_on: bool
+    monkeypatch: pytest.MonkeyPatch, is_significant: bool, is_predictable: bool, goes_on: bool
 ) -> None:
     """With the gap within the noise the search goes on only if another effect than the added one surely predicted, as
     the spring does here, or a regression predicts a part of the rest."""
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "spring"))
     monkeypatch.setattr(EvaluationData, "is_gap_closed", lambda *_: True)
-    if not is_sure:
+    if not is_significant:
         monkeypatch.setattr(workflow, "_sure_predictions", lambda *_: frozenset())
     if not is_predictable:
         monkeypatch.setattr(workflow, "_is_predictable", lambda *_: False)

@@ -138,6 +138,6 @@ def test_commission_page_gives_the_bounds_of_its_guard() -> None:
         f"further than {100 * table.LARGEST_LAG:g} % of the stroke from its reference",
         f"is played again, {NUMBERS[REPEATS]} times at most",
         f"for each set of effects {NUMBERS[MAX_EXPERIMENTS]} times at most | `recordings/experiment_1`",
-        f"beyond {compensate.WORSE_PEAK:g} times the peak without it",
+        f"beyond {compensate.MAX_PEAK_RATIO:g} times the peak without it",
     ):
         assert sentence in text

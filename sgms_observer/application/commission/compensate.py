@@ -51,7 +51,7 @@ class Consistency:
     std_share: float
 
     @property
-    def is_too_sure(self) -> bool:
+    def is_inconsistent(self) -> bool:
         """Return whether the innovations are larger than the observer expects."""
         return self.nis > MAX_NIS
 
@@ -86,9 +86,9 @@ def consistency_of(bag: Path, config: Path, name: str) -> Consistency:
 
 GAIN_STEPS = (1.0 / 3.0, 2.0 / 3.0, 1.0)
 """Shares of the file's gain, in the order of the trials."""
-WORSE_PEAK = 1.5
+MAX_PEAK_RATIO = 1.5
 """A tracking error this many times the largest one without compensation takes the compensation to zero at once."""
-WORSE_RMS = 1.02
+MAX_ERROR_RATIO = 1.02
 """Largest rms or peak over that of the gain before for a gain to be accepted; repetitions differ by 2 %."""
 MIN_IMPROVEMENT = 0.98
 """The compensated rms must be below this multiple of the one without for the file to be of use."""
@@ -125,7 +125,7 @@ class TrackingWatch:
     @property
     def has_released(self) -> bool:
         """Return whether the compensation was taken to zero."""
-        return self.worst > WORSE_PEAK * self._largest
+        return self.worst > MAX_PEAK_RATIO * self._largest
 
     def __call__(self, heard: Heard) -> None:
         """Check the newest samples."""
@@ -188,7 +188,7 @@ def _consistent(session: Session, settings: Settings, changes: dict[str, dict[st
     deviation, correction = axis.estimator.measurement_std, ""
     found = consistency_of(session.path(OWN_BAG), candidate, name)
     for _ in range(MAX_CORRECTIONS):
-        if not found.is_too_sure:
+        if not found.is_inconsistent:
             break
         deviation = float(f"{deviation * math.sqrt(found.nis):.3g}")
         changes[name]["estimator.measurement_std"] = deviation
@@ -202,7 +202,7 @@ def _consistent(session: Session, settings: Settings, changes: dict[str, dict[st
             f" and must be at most {100 * MAX_STD_SHARE:.0f} %; no compensation is switched on with it: lengthen"
             " filter.window, or lower estimator.process_std, and start anew"
         )
-    if found.is_too_sure:
+    if found.is_inconsistent:
         session.warn(
             f"Warning: NIS is {found.nis:.2g} and should be at most {MAX_NIS:g}; the innovations are larger than the"
             " observer expects: identify the model anew."
@@ -227,7 +227,8 @@ def compensate(session: Session) -> Found:
         tracking = session.play(motion, watch, prepare=watch.begin).tracking()
         rms_by_gain.append(f"{gain:.2g}: {readable(tracking.rms)}")
         session.say(f"  gain {gain:.2g}: tracking error {readable(tracking.rms)} rms, {readable(tracking.peak)} peak")
-        if watch.has_released or tracking.rms > WORSE_RMS * best[0] or tracking.peak > WORSE_RMS * baseline["peak"]:
+        most_rms, most_peak = MAX_ERROR_RATIO * best[0], MAX_ERROR_RATIO * baseline["peak"]
+        if watch.has_released or tracking.rms > most_rms or tracking.peak > most_peak:
             session.table.compensate(0.0)
             reason = f"; gain {gain:.2g} made tracking worse, and the compensation went back to zero at once"
             break

@@ -73,7 +73,7 @@ OFFSET = "offset"
 """The effect that identification adds to a file."""
 WITHOUT_OFFSET = "identification/without_offset.yaml"
 """The identified file without the offset that identification added."""
-CLEARLY_BETTER = 0.8
+MAX_RATIO_OF_BETTER = 0.8
 """Identified values replace the file's where their gap on the user's own motion is below this multiple of the
 file's."""
 
@@ -137,7 +137,7 @@ def identify(session: Session) -> Found:
     found = next(one for one in load_settings(identified.path).axes if one.name == axis.name)
     given, fitted = (unexplained(own_bag, one) for one in (axis, found))
     session.ledger.facts[OWN_MOTION_GAP] = {"file": 100.0 * given, "identified": 100.0 * fitted}
-    is_better = fitted < CLEARLY_BETTER * given
+    is_better = fitted < MAX_RATIO_OF_BETTER * given
     if is_better:
         session.ledger.facts["model"] = _without_new_offset(session, found)
     else:

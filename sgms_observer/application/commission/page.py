@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sgms_observer.application.commission.learn import CLEARLY_BETTER, WITHOUT_OFFSET, Found
+from sgms_observer.application.commission.learn import MAX_RATIO_OF_BETTER, WITHOUT_OFFSET, Found
 from sgms_observer.application.commission.ledger import (
     AFTER_BAG,
     BEFORE_BAG,
@@ -116,7 +116,7 @@ def _gap_lights(session: Session) -> list[Light]:
         f" {gap['floor']:.3g} %."
     )
     question = f"Does the model predict your own motion better than {'your file' if files else 'before the diagnosis'}?"
-    return [Light(BELIEVABILITY, question, GOOD if gap["after"] < CLEARLY_BETTER * size else UNSURE, answer)]
+    return [Light(BELIEVABILITY, question, GOOD if gap["after"] < MAX_RATIO_OF_BETTER * size else UNSURE, answer)]
 
 
 def _start_of_diagnosis(ledger: Ledger) -> str:
