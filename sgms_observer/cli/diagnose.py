@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="HZ",
-        help="compare measured and predicted effort below this frequency (default: from sample rate and encoder)",
+        help="compare measured and modelled effort below this frequency (default: from sample rate and encoder)",
     )
     parser.add_argument(
         "--each",

@@ -1,4 +1,4 @@
-"""The gap: rms of measured minus predicted effort in one band, over the rms measured effort of the same samples.
+"""The gap: rms of measured minus modelled effort in one band, over the rms measured effort of the same samples.
 
 Where the encoder shows no motion, its resolution may hide a change of the friction that is larger than the noise. No
 model can predict this change from the motion. The weight of such samples decreases with the hidden force.

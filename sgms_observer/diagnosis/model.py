@@ -163,7 +163,7 @@ class Prediction:
     """Prediction of a model along a motion, at the working rate.
 
     Attributes:
-        residual: measured effort minus predicted effort [N].
+        residual: measured minus modelled effort [N].
         friction: simulated element friction [N].
         sticking: 0 where the contact slides, 1 where it sticks; empty if the contact was not simulated.
         needed: force that the motion needs [N].

@@ -218,7 +218,7 @@ def _answer(answer: Answer, units: Units) -> Section:
     gap = answer.gap
     (low, high), (least, most) = gap.interval_before, gap.interval_after
     text = [
-        f"Gap: measured minus predicted effort below {gap.band:.4g} Hz on {gap.held_out} data, rms, in % of the rms"
+        f"Gap: measured minus modelled effort below {gap.band:.4g} Hz on {gap.held_out} data, rms, in % of the rms"
         f" measured effort. With the file refitted within its tolerance it is {gap.before:.3g} % (90 % interval"
         f" {low:.3g} to {high:.3g} %), with the effects and changed values {gap.after:.3g} % ({least:.3g} to"
         f" {most:.3g} %)" + (f", and with learnt maps {answer.gap_with_learnt:.3g} %." if answer.learnt else "."),

@@ -30,7 +30,7 @@ class Trace:
         effort: measured effort [N or N m].
         before: effort predicted by the file refitted within its tolerance [N or N m].
         after: effort predicted by the final model [N or N m].
-        effects: change of the predicted effort by each effect of that model [N or N m].
+        effects: change of the modelled effort by each effect of that model [N or N m].
         friction: measured effort minus the effort of mass and effects [N or N m].
         is_sliding: whether friction depends on the velocity alone.
         tracking_error: position minus set-point [m or rad]; NaN if no set-point was recorded.

@@ -1,4 +1,4 @@
-"""The band: the frequencies at which measured and predicted effort are compared.
+"""The band: the frequencies at which measured and modelled effort are compared.
 
 Mass times the acceleration of a noisy position grows with the frequency to the power of 5/2. Above the corner chosen
 here it would be larger than the share ``NOISE_SHARE`` of the effort (or larger than the effort's own noise), and a

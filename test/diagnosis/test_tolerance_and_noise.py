@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,14 @@ import pytest
 from workflow_case import AXIS, evaluation_of, record
 
 from sgms_observer.diagnosis import pruning, workflow
-from sgms_observer.diagnosis.answer import answer_of
+from sgms_observer.diagnosis.answer import _best_unnamed, answer_of
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES
-from sgms_observer.diagnosis.criteria import at_least
-from sgms_observer.diagnosis.decision import SIZE_BEYOND_TOLERANCE
+from sgms_observer.diagnosis.criteria import Criteria, at_least
+from sgms_observer.diagnosis.decision import SIZE_BEYOND_TOLERANCE, Decision
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import EvaluationData
+from sgms_observer.diagnosis.evidence import Improvement
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.instruments import Share
 from sgms_observer.diagnosis.model import Model
@@ -92,6 +94,21 @@ def test_what_may_be_within_the_tolerance_remains_a_rival(monkeypatch: pytest.Mo
     assert gain.tests[-1] is small and gain.is_possible and gain.may_be_within_tolerance and not gain.passed
     assert "actuator_gain" in rounds[0].comparisons
     assert workflow._within_tolerance(search.rounds) == {"actuator_gain": small}
+
+
+@pytest.mark.parametrize("is_small", [False, True])
+def test_what_may_be_within_the_tolerance_is_nothing_unknown(is_small: bool) -> None:
+    """A gain that is refused for its size may predict a share of the residual: the file's values may, too."""
+    small = at_least("actuator_gain", SIZE_BEYOND_TOLERANCE, 1.0, 1.645)
+    predicts = at_least("actuator_gain", "z-score on data not fitted to", 9.0, 3.0)
+    candidate: Any = SimpleNamespace(name="actuator_gain", settings=EffectSettings("actuator_gain", (1.04,)))
+    nothing: Any = None
+    gain = Improvement(0.3, 9.0, 1.0)
+    item = Decision(candidate, nothing, gain, gain, gain, (predicts,)).with_test(small if is_small else None)
+    found: Any = SimpleNamespace(
+        final_state=SimpleNamespace(held_out_motions=(1,)), rounds=(Round({}, (item,), None, {}),)
+    )
+    assert _best_unnamed(found, Criteria()) is (None if is_small else item)
 
 
 @pytest.mark.parametrize(("share", "angle", "named"), [(0.96, 0.43, []), (0.8, 0.4, ["gravity"])])

@@ -226,7 +226,7 @@ def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
 
 
 def unexplained(bag: str, axis: AxisSettings) -> float:
-    """Return the gap of a model: rms of measured minus predicted effort over the rms effort of a recording."""
+    """Return the gap of a model: rms of measured minus modelled effort over the rms effort of a recording."""
     rest = residual_of(bag, axis)
     return rest.rms / effort_rms(rest.motions, rest.weights)
 
