@@ -232,7 +232,7 @@ def _contact_law_tests(
     effect, a learnt map or friction values beyond the tolerance of the file describe another part of it. Effects that
     close no less while the contact slides fast than elsewhere are judged there, where contact laws differ by a
     logarithmic friction at most. A drag acts there too, so it has to predict no worse than such a friction even if it
-    closes more elsewhere.
+    closes more elsewhere. Beside a drag that is judged there, only those friction values count that act there.
 
     Args:
         data: recordings of the gap.
@@ -265,6 +265,8 @@ def _contact_law_tests(
         if is_judged_there:
             closed, left, parts = closed_there, max(left_there - final.noise**2, 0.0), 0
             predicted = min(predicted, left)
+            if all(is_drag(name) for name in names):
+                changed_friction = sum(item.acts_in_fast_sliding for item in changed)
         if is_judged_there or any(is_drag(name) for name in names):
             title = "z-score of a better prediction than logarithmic friction, where the contact slides fast"
             z_score = preference_over_logarithmic_friction(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sgms_observer.diagnosis.fit import FRICTION_VALUES, Refit
+from sgms_observer.diagnosis.fit import FRICTION_VALUES, SLIDING_FRICTION_VALUES, Refit
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import FrictionSettings
 from sgms_observer.settings.declaration import declared_settings
@@ -38,6 +38,11 @@ class Changed:
     def is_friction(self) -> bool:
         """Return whether it is a friction value, not one of the elements or an effect."""
         return self.name.removeprefix("friction.") in FRICTION_VALUES
+
+    @property
+    def acts_in_fast_sliding(self) -> bool:
+        """Return whether it is a part of the friction far above the Stribeck velocity."""
+        return self.name.removeprefix("friction.") in SLIDING_FRICTION_VALUES
 
     @property
     def unit(self) -> str:

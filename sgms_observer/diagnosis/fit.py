@@ -61,6 +61,8 @@ WRITTEN_EVALUATIONS = 100
 """Evaluated models of a fit that is written, after which it ends anyway."""
 FRICTION_VALUES = frozenset((*SCALAR_PARAMETERS, "attraction_rate")) - {"mass"}
 """Names of the friction values that a change of the contact frees."""
+SLIDING_FRICTION_VALUES = frozenset(("coulomb_force", "viscous_coefficient"))
+"""Those that make the friction far above the Stribeck velocity."""
 BOUND_TOLERANCE = 1.0e-6
 """Distance from a bound, relative where the bound exceeds 1, below which a coordinate counts as at it."""
 

@@ -57,6 +57,14 @@ def explained() -> Answer:
         return answered(FALL)
 
 
+@pytest.fixture(scope="module")
+def dragged() -> Answer:
+    """Return the answer on a quadratic drag."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workflow, "catalogue_names", lambda: LAW_NAMES)
+        return answered(EffectSettings("quadratic_drag", (1200.0,)))
+
+
 def effort_of(answer: Answer) -> float:
     """Return the rms effort that the gap of an answer refers to [N]."""
     return effort_rms(answer.motions, answer.weights)
@@ -146,14 +154,30 @@ def test_beside_friction_values_that_left_their_tolerance_it_has_no_name(
     changed: tuple[str, ...], parts: int, explained: Answer
 ) -> None:
     """A fall of the friction was named, on a file whose static force had to fall by 15 % beside it."""
-    found = explained.diagnosis
+    answer = beside_changed(explained, changed)
+    (test,) = [one for one in answer.tests if one.name == "other parts of another contact law"]
+    assert test.value == parts and test.passed == (not changed) == bool(answer.effects)
+
+
+@pytest.mark.parametrize(
+    ("changed", "parts"), [(("static_force", "stribeck_velocity"), 0), (("static_force", "coulomb_force"), 1)]
+)
+def test_what_is_judged_in_fast_sliding_has_a_name_beside_values_that_act_at_low_speed(
+    changed: tuple[str, ...], parts: int, dragged: Answer
+) -> None:
+    """A quadratic drag on a LuGre contact had no name, because the Stribeck velocity of the file had changed."""
+    answer = beside_changed(dragged, changed)
+    (test,) = [one for one in answer.tests if one.name == "other parts of another contact law"]
+    assert test.value == parts and test.passed == (parts == 0) == bool(answer.effects)
+
+
+def beside_changed(answer: Answer, changed: tuple[str, ...]) -> Answer:
+    """Return the answer of the same diagnosis, had the file values of the friction that are 20 % larger."""
+    found = answer.diagnosis
     freedom = replace(found.written.setup.freedom, friction=FRICTION_VALUES)
     written = replace(found.written, setup=replace(found.written.setup, freedom=freedom))
     file = replace(found.nominal.friction, **{name: 1.2 * getattr(found.nominal.friction, name) for name in changed})
-    nominal = replace(found.nominal, friction=file)
-    answer = answer_of(replace(found, written=written, nominal=nominal), AXIS, OPTIONS)
-    (test,) = [one for one in answer.tests if one.name == "other parts of another contact law"]
-    assert test.value == parts and test.passed == (not changed) == bool(answer.effects)
+    return answer_of(replace(found, written=written, nominal=replace(found.nominal, friction=file)), AXIS, OPTIONS)
 
 
 @pytest.mark.parametrize(("share", "is_named"), [(0.51, True), (0.49, False)])
