@@ -37,6 +37,8 @@ HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
 CLOSED_SHARE = "share of the closable squared gap"
 """Test that a hypothesis closes enough of the gap."""
+FORM = "share that is surely predicted better by a free-form term over"
+"""Beginning of the title of the test that the shape of an effect is right."""
 SIZE_BEYOND_TOLERANCE = "size beyond the tolerance of the file over its standard error"
 """Test that an effect on values of the file makes them differ by more than their tolerance."""
 RANGE_END_TOLERANCE = 1.0e-6
@@ -87,10 +89,18 @@ class Decision:
         """Return whether every test was passed."""
         return all(test.passed for test in self.tests)
 
-    @property
-    def is_possible(self) -> bool:
-        """Return whether no test contradicts the hypothesis."""
-        return not any(map(contradicts, self.tests))
+    def is_possible_beside(self, best: Decision) -> bool:
+        """Return whether no test contradicts the hypothesis as another explanation than an accepted one.
+
+        A shape that is not right does not speak for an effect that predicts worse: what this shape leaves, that effect
+        leaves too, and it may be without coordinates over which its own shape could be tested.
+
+        Args:
+            best: the accepted decision.
+        """
+        against = [test for test in self.tests if contradicts(test)]
+        is_better = self.improvement.decrease >= best.improvement.decrease
+        return not against or (is_better and all(test.name.startswith(FORM) for test in against))
 
 
 def contradicts(test: Test) -> bool:
@@ -417,7 +427,7 @@ def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluat
     others = tuple(name for name in ALL if name not in names)
     without_effect = min((_rest(before.model, one, evaluation) for one in (names, ALL)), key=lambda rest: rest.rms)
     criteria = evaluation.criteria
-    title = f"share that is surely predicted better by a free-form term over {', '.join(names)}"
+    title = f"{FORM} {', '.join(names)}"
 
     def against(left: Sequence[Floats]) -> Test:
         better = improvement(left, without_effect.blocks(criteria.block))
@@ -547,7 +557,7 @@ def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
     general = effect(best.candidate.name).special_case_of if best.candidate.settings else ""
     return [
         item for item in others
-        if item.candidate.settings is not None and item.is_possible
+        if item.candidate.settings is not None and item.is_possible_beside(best)
         and item.candidate.name not in (best.candidate.name, general)
     ]  # fmt: skip
 

@@ -11,8 +11,8 @@ from workflow_case import AXIS, FRICTION, PERIOD, record
 
 from sgms_observer.diagnosis.candidates import Candidate, fitted_candidates
 from sgms_observer.diagnosis.contact import element_friction
-from sgms_observer.diagnosis.criteria import Criteria, at_least
-from sgms_observer.diagnosis.decision import HELD_OUT_GAP, Decision, comparisons
+from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
+from sgms_observer.diagnosis.decision import FORM, HELD_OUT_GAP, Decision, comparisons
 from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, refit
@@ -248,9 +248,23 @@ def test_a_held_out_gap_that_hardly_shrinks_does_not_exclude_an_alternative(
     """An asymmetry failed that test at 1.449 of 1.645, and a commissioning named an offset as certain."""
     rival = decision("asymmetric_coulomb", 1.0, chance=0.01)
     rival = replace(rival, tests=(*rival.tests, at_least("asymmetric_coulomb", HELD_OUT_GAP, z_score, 1.645)))
-    assert not rival.passed and rival.is_possible is is_alternative
-    found = comparisons(decision("offset", 1.0), [rival], Criteria())
+    best = decision("offset", 1.0)
+    assert not rival.passed and rival.is_possible_beside(best) is is_alternative
+    found = comparisons(best, [rival], Criteria())
     assert [name for name, test in found.items() if not test.passed] == ["asymmetric_coulomb"] * is_alternative
+
+
+@pytest.mark.parametrize("test_name", [f"{FORM} direction", "parameters at the end of their range"])
+@pytest.mark.parametrize("is_better", [False, True])
+def test_a_shape_that_is_not_right_does_not_exclude_what_predicts_better(is_better: bool, test_name: str) -> None:
+    """An asymmetry left 13 % over the direction, and an offset, which has no coordinate, was named as certain."""
+    best, rival = decision("offset", 1.0), decision("asymmetric_coulomb", 1.0, chance=0.01)
+    gain = replace(best.improvement, decrease=2.0)
+    best = replace(best, improvement=gain)
+    rival = replace(rival, improvement=replace(gain, decrease=2.1 if is_better else 1.9))
+    rival = replace(rival, tests=(*rival.tests, at_most("asymmetric_coulomb", test_name, 0.13, 0.1)))
+    found = comparisons(best, [rival], Criteria())
+    assert ("asymmetric_coulomb" in found) is (is_better and test_name.startswith(FORM))
 
 
 def test_residual_of_the_truth_is_noise() -> None:
