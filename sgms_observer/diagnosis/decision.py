@@ -92,15 +92,17 @@ class Decision:
     def is_possible_beside(self, best: Decision) -> bool:
         """Return whether no test contradicts the hypothesis as another explanation than an accepted one.
 
-        A shape that is not right does not speak for an effect that predicts worse: what this shape leaves, that effect
-        leaves too, and it may be without coordinates over which its own shape could be tested.
+        A shape that is not right does not speak for an effect that predicts worse and was not asked for its shape over
+        the same coordinates: what this shape leaves over them, that effect may leave too.
 
         Args:
             best: the accepted decision.
         """
         against = [test for test in self.tests if contradicts(test)]
         is_better = self.improvement.decrease >= best.improvement.decrease
-        return not against or (is_better and all(test.name.startswith(FORM) for test in against))
+        ours, theirs = (set(free_form_coordinates(item.candidate.name)) for item in (self, best))
+        is_excused = is_better and not ours <= theirs
+        return not against or (is_excused and all(test.name.startswith(FORM) for test in against))
 
 
 def contradicts(test: Test) -> bool:
@@ -127,7 +129,7 @@ def decide(
         before: fit without it.
         earlier: evidence of that fit.
         evaluation: the recordings.
-        is_rival: whether it passed every test in the round in which another effect was added.
+        is_rival: whether it was compared with the effect that was added in its round.
     """
     first = _decided(item, before, earlier, evaluation, is_rival)
     failed = [test.name for test in first.tests if not test.passed]
@@ -545,7 +547,7 @@ def preferred(best: Decision, equal: Sequence[Decision], listed: Sequence[str]) 
 
 
 def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
-    """Return the other effects that no test contradicts and that are another explanation than the best one.
+    """Return the other effects that are possible beside the best one, as another explanation.
 
     With the best one the gap of held-out recordings shrinks. With a rival it need not shrink significantly, because the
     comparison of the two decides. An effect that contains the best one as a special case is no other explanation.

@@ -90,7 +90,7 @@ def test_tables(answer: Answer) -> list[Table]:
             if step.accepted is not None and name == step.accepted.candidate.name:
                 outcome = "added"
             elif name in step.alternatives:
-                outcome = "not distinguishable from the added one"
+                outcome = "alternative of the added one"
             else:
                 outcome = "not added"
             for test in step.tests_of(item):

@@ -22,6 +22,7 @@ from sgms_observer.settings.axis import AxisSettings
 
 POSITION, EFFORT, REFERENCE, COMPENSATION = "position", "control_effort", "reference", "friction_compensation"
 
+_CONNECTING = 200_000_000  # ns by which the messages of one topic may be processed before those of the other
 _LONGEST_GUESS = 0.1  # s after the latest stamp during which the table's clock counts as running
 
 
@@ -109,12 +110,14 @@ class AxisListener:
         return ready
 
     def between_efforts(self) -> Sequence[tuple[int, float]]:
-        """Return the positions of the time in which efforts arrived; all, where the two topics' stamps share no time.
+        """Return the positions without those of a short time before the first effort and after the last one.
 
-        Of two topics, or two subscriptions of one, one is connected first, and its messages are processed first.
+        Of two topics, or two subscriptions of one, one is connected first, and its messages are processed first. An
+        effort that lacks for longer does not arrive.
         """
         begin, end = min(self._efforts, default=0), self._latest_effort
-        return [row for row in self.positions if begin <= row[0] <= end] or self.positions
+        first, last = begin - _CONNECTING, end + _CONNECTING
+        return [row for row in self.positions if not (first <= row[0] < begin or end < row[0] <= last)]
 
     def samples(self, rows: Sequence[tuple[int, float]], reference: tuple[Any, Any] | None = None) -> Samples:
         """Return positions with the efforts of their stamps [SI units].

@@ -20,8 +20,8 @@ _PORTS = ("fastrtps_port*[0-9]", "fastdds_port*[0-9]")
 _LOCKS = tuple(f"{name}_{'[0-9a-f]' * 16}_el" for name in ("fastrtps", "fastdds"))
 _IS_MADE = b"\x02\x00\x00\x00"
 _LONGEST_MAKING = 5.0
-"""Age after which an incomplete port, or a segment without a lock, belongs to a killed process [s]; making one takes
-milliseconds."""
+"""Age after which an incomplete port, or a segment whose lock nobody holds, belongs to a killed process [s]; making one
+takes milliseconds."""
 
 FIRST_DOMAIN, LAST_DOMAIN = 1, 100  # 0 is the default of all, and 101 is the last whose ports are not ephemeral
 
@@ -29,7 +29,7 @@ _held: list[IO[str]] = []  # open files keep their domains locked
 
 
 def prepare_transport() -> None:
-    """Remove incomplete ports, and let Fast DDS read ``config/fastdds.xml`` unless the user chose a file.
+    """Remove what killed processes left, and let Fast DDS read ``config/fastdds.xml`` unless the user chose a file.
 
     Other middleware uses neither. Must run before ``rclpy.init``.
     """

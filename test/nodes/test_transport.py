@@ -61,12 +61,17 @@ def test_only_segments_of_ended_processes_are_removed(tmp_path: Path) -> None:
 
 _LEAVING = """
 import importlib, sys
+from contextlib import suppress
 from pathlib import Path
 from sgms_observer.nodes import spin
 leave = spin.leave_graph
 def leave_and_show(executor, node):
     leave(executor, node)
-    print("left:", *(path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")))
+    names = []
+    for path in Path("/proc/self/task").glob("*/comm"):
+        with suppress(OSError):  # a thread that ends meanwhile
+            names.append(path.read_text().strip())
+    print("left:", *names)
 spin.leave_graph = leave_and_show
 sys.exit(importlib.import_module(f"sgms_observer.nodes.{sys.argv[1]}").main(sys.argv[2:]))
 """
@@ -77,6 +82,8 @@ def test_a_node_that_ends_takes_the_middleware_with_it(name: str, tmp_path: Path
     """Threads of a participant that outlives its node run into the end of Python: once in some thousand, it crashed."""
     pytest.importorskip("rclpy", reason="ROS is not installed")
     (tmp_path / "axis.yaml").write_text(ONE_AXIS)
+    if os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp") != "rmw_fastrtps_cpp":
+        pytest.skip("the threads are those of Fast DDS")
     command = [sys.executable, "-c", _LEAVING, name, "--config", str(tmp_path / "axis.yaml")]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=_ENVIRONMENT, text=True
