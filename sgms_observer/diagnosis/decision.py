@@ -99,10 +99,11 @@ class Decision:
             best: the accepted decision.
         """
         against = [test for test in self.tests if contradicts(test)]
-        is_better = self.improvement.decrease >= best.improvement.decrease
+        if not against or best.candidate.settings is None:
+            return not against
         ours, theirs = (set(free_form_coordinates(item.candidate.name)) for item in (self, best))
-        is_excused = is_better and not ours <= theirs
-        return not against or (is_excused and all(test.name.startswith(FORM) for test in against))
+        is_excused = self.improvement.decrease >= best.improvement.decrease and not ours <= theirs
+        return is_excused and all(test.name.startswith(FORM) for test in against)
 
 
 def contradicts(test: Test) -> bool:
