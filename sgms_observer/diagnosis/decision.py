@@ -37,7 +37,7 @@ HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
 CLOSED_SHARE = "share of the closable squared gap"
 """Test that a hypothesis closes enough of the gap."""
-FORM = "share that is surely predicted better by a free-form term over"
+FORM = "share that is surely predicted better by a free-form term"
 """Beginning of the title of the test that the shape of an effect is right."""
 SIZE_BEYOND_TOLERANCE = "size beyond the tolerance of the file over its standard error"
 """Test that an effect on values of the file makes them differ by more than their tolerance."""
@@ -430,13 +430,13 @@ def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluat
     others = tuple(name for name in ALL if name not in names)
     without_effect = min((_rest(before.model, one, evaluation) for one in (names, ALL)), key=lambda rest: rest.rms)
     criteria = evaluation.criteria
-    title = f"{FORM} {', '.join(names)}"
+    form = f"{FORM} over {', '.join(names)}"
 
     def against(left: Sequence[Floats]) -> Test:
         better = improvement(left, without_effect.blocks(criteria.block))
         share = better.decrease / (max(closed.decrease, 0.0) + better.decrease) if better.decrease > 0.0 else 0.0
         is_significant = better.z_score > criteria.min_z_score
-        return at_most(item.name, title, share if is_significant else 0.0, criteria.min_predictable_share)
+        return at_most(item.name, form, share if is_significant else 0.0, criteria.min_predictable_share)
 
     for one in ((), others):  # the second regression takes time and is needed only if the effect alone does not match
         test = against(_rest(item.refit.model, one, evaluation).blocks(criteria.block))

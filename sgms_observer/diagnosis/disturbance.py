@@ -19,7 +19,7 @@ from sgms_observer.diagnosis.gap import noise_floor, rms
 from sgms_observer.diagnosis.gap_data import GapData
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.sliding import beside_logarithmic_friction, fast_sliding_residual, slides_fast
+from sgms_observer.diagnosis.sliding import fast_sliding_residual, left_by_logarithmic_friction, slides_fast
 from sgms_observer.settings.units import Units
 
 
@@ -64,7 +64,7 @@ def sliding_residual(
     """
     criteria, whole = data.options.criteria, data.rest(residual)
     left = whole.minus(free.predicted) if free else whole
-    rests = (beside_logarithmic_friction(rest, model) for rest in (data.fitted_gap(model), left))
+    rests = (left_by_logarithmic_friction(rest, model) for rest in (data.fitted_gap(model), left))
     fitted, evaluated = (fast_sliding_residual(rest, model, criteria) for rest in rests)
     if fitted is None or evaluated is None:
         return None

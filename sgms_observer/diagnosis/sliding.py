@@ -133,24 +133,24 @@ def share_beside_logarithmic_friction(model: Model, others: WeightedResidual, le
     return 1.0 - after / before if before > 0.0 else 0.0
 
 
-def beside_logarithmic_friction(rest: WeightedResidual, model: Model) -> WeightedResidual:
+def left_by_logarithmic_friction(rest: WeightedResidual, model: Model) -> WeightedResidual:
     """Return what the logarithmic friction leaves that fits a residual best while the contact slides fast.
 
     Args:
         rest: the residual.
         model: simulates the contact.
     """
-    return _beside_logarithmic_friction(rest, slides_fast(model, rest.motions))
+    return _left_by_logarithmic_friction(rest, slides_fast(model, rest.motions))
 
 
-def _beside_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Booleans]) -> WeightedResidual:
+def _left_by_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Booleans]) -> WeightedResidual:
     strengths = _fitted_logarithmic_friction(rest, fast)
     return rest.minus([_along(motion) @ strengths for motion in rest.motions])
 
 
 def _squared_beside_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Booleans]) -> float:
     """Return the sum of the squared residual after the best logarithmic friction where the contact slides fast."""
-    remaining = _beside_logarithmic_friction(rest, fast)
+    remaining = _left_by_logarithmic_friction(rest, fast)
     return float(sum(np.sum(part[at] ** 2) for part, at in zip(remaining.residual, fast, strict=True)))
 
 

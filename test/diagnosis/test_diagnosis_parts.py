@@ -254,7 +254,7 @@ def test_a_held_out_gap_that_hardly_shrinks_does_not_exclude_an_alternative(
     assert [name for name, test in found.items() if not test.passed] == ["asymmetric_coulomb"] * is_alternative
 
 
-@pytest.mark.parametrize("test_name", [f"{FORM} direction", "parameters at the end of their range"])
+@pytest.mark.parametrize("test_name", [f"{FORM} over direction", "parameters at the end of their range"])
 @pytest.mark.parametrize("name", ["offset", "asymmetric_viscous", "changed friction"])
 @pytest.mark.parametrize("is_better", [False, True])
 def test_a_shape_that_is_not_right_does_not_exclude_what_predicts_better(

@@ -46,7 +46,7 @@ NATURAL = {
 """Thresholds that nobody could choose otherwise."""
 TITLES = (
     "HELD_OUT_GAP", "CLOSED_SHARE", "UNEXPLAINED_WHILE_SLIDING", "UNEXPLAINED", "OVER_NOISE", "ADDED_BY_REFIT",
-    "BEHIND_ENCODER", "DIFFERS_BY_DIRECTION", "SIZE_BEYOND_TOLERANCE",
+    "BEHIND_ENCODER", "DIFFERS_BY_DIRECTION", "SIZE_BEYOND_TOLERANCE", "FORM",
 )  # fmt: skip
 """Constants that hold the name of a test."""
 BY_PARAMETER = {"effects.parameters", "effects.std_error", "detectable"}
