@@ -43,7 +43,7 @@ CRITERION_OF = {
     "z-score beside another contact law": "min_z_score",
     "size beyond the tolerance of the file": "interval_z_score",
     "held-out gap: z-score": "interval_z_score",
-    "gap as reported: z-score": "interval_z_score",
+    "gap of the written model: z-score": "interval_z_score",
     "z-score of a force that differs between": "min_z_score",
     "share of the squared gap above the noise in the place of": "min_imitable_share",
     "share of the squared gap above the noise beside the others, of": "min_imitable_share",

@@ -117,7 +117,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     final = final_model(data, contradiction)
     rest = data.rest(final.after)
     learnt: list[FittedMap] = []
-    free = data.predictable(data.evidence(final.after), final.fit.model)
+    free = data.predictable(rest, final.fit.model)
     by_coordinates = coordinate_tests(data, final, axis.units)
     unnamed = _best_unnamed(diagnosis, criteria)
     if not diagnosis.is_poor and contradiction is None:
@@ -129,12 +129,12 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     final = replace(final, noise=min(final.noise, floor))  # it was fitted to what these still predict
     over_noise = ratio_to_noise(rest.rms, final.noise)
     predictable_share = max(
-        _share_of_both(rest, free) if free else 0.0,
+        free.improvement.share if free else 0.0,
         unnamed.significant_share(criteria) if unnamed else 0.0,
         learnt[0].share if learnt else 0.0,
     )
     gap = _gap(data, given, final, floor)
-    whole = at_most("model", UNEXPLAINED, 0.01 * gap.after, criteria.max_unexplained)
+    whole = at_most("model", UNEXPLAINED, 0.01 * gap.unweighted_after, criteria.max_unexplained)
     unnamed_rest = at_most(
         "model", "surely predictable share of the residual", predictable_share, criteria.min_predictable_share
     )
@@ -154,7 +154,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     percent, written = 100.0 / data.effort, diagnosis.written
 
     def gap_with(some: Sequence[EffectSettings]) -> float:
-        found = written.with_effects(some, diagnosis.evaluation)
+        found = written.with_effects(some)
         return percent * data.rms(data.residuals(found, written.setup))
 
     changed = changed_values(diagnosis, final.fit, options)
@@ -168,7 +168,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     is_learnt = any(item.is_beyond_contact(diagnosis.is_contact_hidden) for item in learnt)
     beyond_contact = []
     if not (unnamed_rest.passed or is_learnt or unnamed):
-        beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
+        beyond_contact = [_beyond_contact_test(data, rest, final.fit.model, free)]
     sliding, has_other_load = None, load is not None and not load.test.passed
     if whole.passed and not (diagnosis.is_poor or has_other_load):
         sliding = sliding_residual(data, model, total, None if learnt else free)
@@ -212,7 +212,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         model=model,
         diagnosis=diagnosis,
         motions=data.motions,
-        weights=data.whitened.gap_weights,
+        weights=data.whitened.weights,
         residual_before=tuple(final.before),
         residual_after=tuple(total),
         gap_with_learnt=percent * data.rms(total),
@@ -248,7 +248,7 @@ def _contact_law_tests(
     of, after = ", ".join(sorted(names)), data.rms(final.after) ** 2
     written = data.diagnosis.written
     remaining = [one for one in final.fit.effects if one.name not in names]
-    refitted = written.with_effects(remaining, data.diagnosis.evaluation)
+    refitted = written.with_effects(remaining)
     others = data.residuals(refitted, written.setup)
     parts = len(data.diagnosis.unnamed_contact_effects) + sum(item.is_of_contact for item in learnt)
     changed_friction = sum(item.is_friction for item in changed)
@@ -270,7 +270,7 @@ def _contact_law_tests(
         if is_judged_there or any(is_drag(name) for name in names):
             title = "z-score of a better prediction than logarithmic friction, where the contact slides fast"
             z_score = preference_over_logarithmic_friction(
-                final.fit.model, data.fitted_gap(refitted.model), data.rest(final.after), data.rest(others), criteria
+                final.fit.model, data.fitted(refitted.model), data.rest(final.after), data.rest(others), criteria
             )
             of_sliding.append(at_least(of, title, z_score, 0.0))
     return [
@@ -294,17 +294,6 @@ def _contact_law_tests(
     ]  # fmt: skip
 
 
-def _share_of_both(rest: WeightedResidual, free: FreeForm) -> float:
-    """Return the share of the squared gap that a free-form regression predicts, the smaller one of two weightings.
-
-    Args:
-        rest: residual with the weights of the reported gap.
-        free: regression, judged with the weights of the evidence.
-    """
-    reported = 1.0 - (rest.minus(free.predicted).rms / rest.rms) ** 2
-    return max(0.0, min(free.improvement.share, reported))
-
-
 def _left_by_predictors(
     data: GapData, final: FinalModel, total: Sequence[Floats], free: FreeForm | None, unnamed: Decision | None
 ) -> float:
@@ -322,7 +311,7 @@ def _left_by_predictors(
     if free is not None:
         gaps.append(rest.minus(free.predicted).rms)
     if unnamed is not None:
-        gaps.append(rest.rms * math.sqrt(max(0.0, 1.0 - unnamed.reported.share)))
+        gaps.append(rest.rms * math.sqrt(max(0.0, 1.0 - unnamed.gap.share)))
     return min(gaps)
 
 
@@ -344,6 +333,8 @@ def _gap(data: GapData, given: Sequence[Floats], final: FinalModel, floor: float
         after=percent * after.rms,
         floor=percent * floor,
         noise=percent * final.noise,
+        unweighted_before=100.0 * data.unweighted(final.before),
+        unweighted_after=100.0 * data.unweighted(final.after),
         interval_before=interval(before, criteria, seed),
         interval_after=interval(after, criteria, seed),
         held_out="held-out" if data.has_held_out else "cross-validated",
@@ -372,8 +363,8 @@ def _warnings(
         )
     if not whole.passed:
         warnings.append(
-            f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more"
-            " motion"
+            f"unusable model: {gap.unweighted_after:.0f} % of the effort is unexplained; identify the axis first, or"
+            " record more motion"
         )
     if disturbance is not None:
         warnings.append(
@@ -418,7 +409,7 @@ def _beyond_contact_test(data: GapData, rest: WeightedResidual, model: Model, fr
 
     Args:
         data: recordings of the gap.
-        rest: residual of ``model``, with the weights of the evidence.
+        rest: residual of ``model``.
         model: the model.
         free: significant regression over all coordinates, or None.
     """

@@ -22,8 +22,8 @@ class Closed:
     """What an effect closes of the gap.
 
     Attributes:
-        z_score: of the decrease of the squared gap as reported.
-        share: of the closable squared gap, with the weights of the evidence.
+        z_score: of the decrease of the squared gap.
+        share: of the closable squared gap.
         share_above_floor: of the squared gap above the floor, also where that gap is hardly above it.
         share_in_fast_sliding: of the squared residual while the contact slides fast, beside a logarithmic friction.
     """
@@ -58,11 +58,10 @@ class ClosedGap:
         Args:
             name: the effect.
         """
-        fitted, after, evaluation = self.written.fitted, self.written.after, self.evaluation
-        setup, others = self.written.setup.without(name, fitted.effects)
-        without = setup.fit(others, fitted.logs, evaluations=WRITTEN_EVALUATIONS)
-        others_of_gap = self.written.fitted_alike(setup, without, evaluation)
-        return self._closed(fitted.model, without.model, (others_of_gap.model, after.model))
+        after = self.written.after
+        setup, others = self.written.setup.without(name, after.effects)
+        without = setup.fit(others, after.logs, evaluations=WRITTEN_EVALUATIONS)
+        return self._closed(after.model, without.model)
 
     def closed_by_instead_of_contact_law(self, name: str) -> Closed:
         """Return what an effect closes where nothing else stands for another contact law.
@@ -84,9 +83,7 @@ class ClosedGap:
     @cached_property
     def _machine_effects(self) -> list[EffectSettings]:
         """The effects that do not only describe another contact law; effects of the file stay."""
-        return [
-            one for one in self.written.fitted.effects if one.name not in self.names or not is_contact_law(one.name)
-        ]
+        return [one for one in self.written.after.effects if one.name not in self.names or not is_contact_law(one.name)]
 
     @cached_property
     def _with_file_contact(self) -> Model:
@@ -97,21 +94,15 @@ class ClosedGap:
         """Return the contact of the file, fitted with effects."""
         return setup.fit(effects, self.written.before.logs, evaluations=WRITTEN_EVALUATIONS).model
 
-    def _closed(self, with_it: Model, others: Model, of_gap: tuple[Model, Model] | None = None) -> Closed:
-        """Return what a model closes of the gap of another one.
-
-        Args:
-            with_it: the model.
-            others: the other one.
-            of_gap: the other one and the model with the values that predict the gap as reported; the same if None.
-        """
+    def _closed(self, with_it: Model, others: Model) -> Closed:
+        """Return what a model closes of the gap of another one."""
         evaluation = self.evaluation
         motions, block = evaluation.motions, evaluation.criteria.block
         left = [WeightedResidual(motions, residuals(one, motions), evaluation.weights) for one in (others, with_it)]
         gap = improvement(*(rest.blocks(block) for rest in left))
         without = replace(evaluation, gap=evaluation.rms(others))
         return Closed(
-            z_score=evaluation.reported_gain(*(of_gap or (others, with_it))).z_score,
+            z_score=gap.z_score,
             share=without.closed_share(gap),
             share_above_floor=without.closed_share_above_floor(gap),
             share_in_fast_sliding=share_beside_logarithmic_friction(with_it, *left),

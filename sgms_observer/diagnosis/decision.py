@@ -34,7 +34,7 @@ from sgms_observer.settings.axis import EffectSettings
 MAX_LAG_WITHOUT_DELAY = HELD_LAG + MAX_STAMP_ERROR
 """Largest lag of the effort without a delay, in samples: the effort is held, and its stamps are inexact."""
 HELD_OUT_GAP = "held-out gap: z-score"
-"""Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
+"""Test that the gap of held-out recordings shrinks."""
 CLOSED_SHARE = "share of the closable squared gap"
 """Test that a hypothesis closes enough of the gap."""
 FORM = "share that is surely predicted better by a free-form term"
@@ -54,7 +54,6 @@ class Decision:
         evidence: evidence of its fit.
         improvement: improvement over the model without it, whitened, on all data that was not fitted to.
         gap: the same of the weighted residual on the evaluated recordings [N^2].
-        reported: the same with the weights of the reported gap.
         tests: every test. The first one tests whether the prediction is significantly better.
     """
 
@@ -62,7 +61,6 @@ class Decision:
     evidence: Evidence
     improvement: Improvement
     gap: Improvement
-    reported: Improvement
     tests: tuple[Test, ...]
 
     @property
@@ -73,7 +71,7 @@ class Decision:
     def significant_share(self, criteria: Criteria) -> float:
         """Return the share of the squared gap that the hypothesis predicts; 0 if not significant."""
         is_significant = self.tests[0].passed and self.gap.z_score >= criteria.min_z_score
-        return self.reported.share if is_significant else 0.0
+        return self.gap.share if is_significant else 0.0
 
     @property
     def may_be_within_tolerance(self) -> bool:
@@ -122,8 +120,7 @@ def decide(
     """Test one hypothesis against the model without it.
 
     Where an effect predicts significantly better and the gap does not show it, the effect is fitted again with the
-    noise of what it leaves. Where only the gap as reported does not show it, both models are compared with the values
-    of the file that predict the gap as reported best.
+    noise of what it leaves.
 
     Args:
         item: the hypothesis.
@@ -138,14 +135,7 @@ def decide(
         again = _decided_with_noise_it_leaves(item, before, earlier, evaluation, is_rival)
         if again is not None and again.passed:
             return again
-    if item.settings is None or failed != [HELD_OUT_GAP]:
-        return first
-    best = [evaluation.best_for_gap(item.setup, one).model for one in (before, item.refit)]
-    reported = evaluation.reported_gain(*best)
-    if reported.share < evaluation.criteria.min_closed_share:
-        return first
-    second = _decided(item, before, earlier, evaluation, is_rival, reported)
-    return second if second.passed else first
+    return first
 
 
 def _decided_with_noise_it_leaves(
@@ -177,30 +167,15 @@ def _decided_with_noise_it_leaves(
     return _decided(replace(item, refit=fitted(item.refit)), before, earlier, evaluation, is_rival)
 
 
-def _decided(
-    item: Candidate,
-    before: Refit,
-    earlier: Evidence,
-    evaluation: EvaluationData,
-    is_rival: bool,
-    with_best_values: Improvement | None = None,
-) -> Decision:
-    """Return the decision on a fit of one hypothesis.
-
-    Args:
-        item, before, earlier, evaluation, is_rival: as above.
-        with_best_values: improvement of the gap as reported between the two models with the values of the file that
-            predict it best; with the values of the two fits if None.
-    """
+def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData, is_rival: bool) -> Decision:
+    """Return the decision on a fit of one hypothesis; arguments as above."""
     criteria = evaluation.criteria
     later = evidence_of(item.refit, evaluation)
     gain = improvement(earlier.all, later.all)
     tests = [_prediction_test(item, gain, earlier, later, evaluation)]
     gap = improvement(earlier.force, later.force)
-    reported = with_best_values or improvement(earlier.reported, later.reported)
     if evaluation.has_held_out:
-        z_score = min(gap.z_score, reported.z_score)
-        tests.append(at_least(item.name, HELD_OUT_GAP, z_score, criteria.interval_z_score))
+        tests.append(at_least(item.name, HELD_OUT_GAP, gap.z_score, criteria.interval_z_score))
     share = evaluation.closed_share(gap)
     tests.append(at_least(item.name, CLOSED_SHARE, share, criteria.min_closed_share))
     in_response = delay_in_response(item.refit.model, item.name, evaluation) if item.settings else None
@@ -220,7 +195,7 @@ def _decided(
             tests += [or_in_response(test, in_response, criteria) for test in free]
             tests += hidden_contact_tests(item, before, evaluation)
     candidate = replace(item, refit=item.refit.without_jacobian())
-    return Decision(candidate, later, gain, gap, reported, tuple(tests))
+    return Decision(candidate, later, gain, gap, tuple(tests))
 
 
 def _prediction_test(

@@ -143,7 +143,7 @@ class FitState:
 
     @property
     def _rms(self) -> float:
-        """Rms residual of the recordings to learn from, with the weights of the evidence [N]."""
+        """Rms residual of the recordings to learn from, with the weights of the gap [N]."""
         return self._rest(self.setup.data).rms
 
     def with_fitted_lags(self) -> FitState:
@@ -307,18 +307,15 @@ class WrittenFits:
     Attributes:
         before: fit of the file within its tolerance.
         after: fit with everything that was accepted.
-        fitted: the same with the values of the file as fitted to the evidence; ``after`` may have those fitted to the
-            gap as reported, see ``EvaluationData.best_for_gap``.
         setup: setup of ``after``.
         estimates: of the free effect parameters of ``after``.
         strengths: of those among them that are strengths, where all effects keep the shapes of ``after``.
-        with_common_values: as ``estimates``, where all recordings have the values of the file of ``fitted``.
+        with_common_values: as ``estimates``, where all recordings have the values of the file of ``after``.
         shares_above_noise: share of the squared gap above the noise that each effect closes beside the others.
     """
 
     before: Refit
     after: Refit
-    fitted: Refit
     setup: RefitSetup
     estimates: RecordingEstimates
     strengths: RecordingEstimates
@@ -330,24 +327,9 @@ class WrittenFits:
         """Return the standard error of each free effect parameter, with the scatter between recordings, SI units."""
         return dict(zip(self.estimates.free, self.estimates.std_errors.tolist(), strict=True))
 
-    def with_effects(self, effects: Sequence[EffectSettings], evaluation: EvaluationData) -> Refit:
-        """Return a fit with other effects whose gap as reported compares with that of ``after``.
-
-        Args:
-            effects: the effects.
-            evaluation: the recordings.
-        """
-        return self.fitted_alike(self.setup, self.setup.fit(effects, self.fitted.logs), evaluation)
-
-    def fitted_alike(self, setup: RefitSetup, found: Refit, evaluation: EvaluationData) -> Refit:
-        """Return a fit to the evidence, with values fitted to the gap as reported only if those of ``after`` are.
-
-        Args:
-            setup: how it was fitted.
-            found: the fit.
-            evaluation: the recordings.
-        """
-        return found if self.after is self.fitted else evaluation.best_for_gap(setup, found)
+    def with_effects(self, effects: Sequence[EffectSettings]) -> Refit:
+        """Return a fit with other effects that compares with ``after``."""
+        return self.setup.fit(effects, self.after.logs)
 
     def strength_elsewhere(self, name: str, least: float) -> float:
         """Return the strength of an effect over its standard error, in held-out recordings too.

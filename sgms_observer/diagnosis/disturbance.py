@@ -64,7 +64,7 @@ def sliding_residual(
     """
     criteria, whole = data.options.criteria, data.rest(residual)
     left = whole.minus(free.predicted) if free else whole
-    rests = (left_by_logarithmic_friction(rest, model) for rest in (data.fitted_gap(model), left))
+    rests = (left_by_logarithmic_friction(rest, model) for rest in (data.fitted(model), left))
     fitted, evaluated = (fast_sliding_residual(rest, model, criteria) for rest in rests)
     if fitted is None or evaluated is None:
         return None

@@ -15,7 +15,7 @@ from sgms_observer.diagnosis.evidence import (
     in_blocks,
     left_out_residuals,
 )
-from sgms_observer.diagnosis.fit import Refit, RefitSetup
+from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
@@ -63,41 +63,14 @@ class EvaluationData:
         """Return the weights of the samples of ``motions``: low where the encoder does not show the motion."""
         return self.held_out_data.weights if self.has_held_out else self.fit_data.weights
 
-    @property
-    def gap_weights(self) -> tuple[Floats, ...]:
-        """Return the weights of the samples of ``motions`` in the reported gap."""
-        return self.held_out_data.gap_weights if self.has_held_out else self.fit_data.gap_weights
-
     def rms(self, model: Model) -> float:
         """Return the rms weighted residual of a model on ``motions`` [N]."""
         return rms(weighted(residuals(model, self.motions), self.weights))
 
-    def reported_rms(self, model: Model) -> float:
-        """Return the rms residual of a model on ``motions`` with the weights of the reported gap [N]."""
-        return rms(weighted(residuals(model, self.motions), self.gap_weights))
-
-    def reported_gain(self, before: Model, after: Model) -> Improvement:
-        """Return the improvement of the gap as reported from one model to another, on ``motions`` [N^2]."""
-        left = [weighted(residuals(model, self.motions), self.gap_weights) for model in (before, after)]
+    def gain(self, before: Model, after: Model) -> Improvement:
+        """Return the improvement of the gap from one model to another, on ``motions`` [N^2]."""
+        left = [weighted(residuals(model, self.motions), self.weights) for model in (before, after)]
         return improvement(*(in_blocks(parts, self.motions, self.criteria.block) for parts in left))
-
-    def best_for_gap(self, setup: RefitSetup, found: Refit) -> Refit:
-        """Return a fit as it is, or with its nominal parameters fitted to the gap as reported if they predict
-        the gap of held-out recordings significantly better, by ``min_closed_share``.
-
-        The evidence hardly counts samples where the contact sticks. On another contact law its fit therefore leaves the
-        predicted friction at rest undetermined.
-
-        Args:
-            setup: how it was fitted.
-            found: the fit.
-        """
-        if not self.has_held_out:
-            return found
-        other = setup.fit_to_gap(found)
-        gain = self.reported_gain(found.model, other.model)
-        is_worth_it = gain.z_score > self.criteria.min_z_score and gain.share >= self.criteria.min_closed_share
-        return other if is_worth_it else found
 
     def closed_share(self, gain: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
@@ -142,13 +115,11 @@ class Evidence:
             predicted by the fit without the block.
         held_out: whitened residual of each block of the held-out recordings.
         force: weighted residual of each block of ``EvaluationData.motions`` [N].
-        reported: the same with the weights of the reported gap.
     """
 
     fit: list[Floats]
     held_out: list[Floats]
     force: list[Floats]
-    reported: list[Floats]
 
     @property
     def all(self) -> list[Floats]:
@@ -179,5 +150,4 @@ def evidence_of(found: Refit, evaluation: EvaluationData) -> Evidence:
         fit_blocks(found, evaluation.fit_data, length),
         held_out_residuals(found.model, evaluation.held_out_data, length),
         in_blocks(weighted(left, evaluation.weights), evaluation.motions, length),
-        in_blocks(weighted(left, evaluation.gap_weights), evaluation.motions, length),
     )

@@ -488,19 +488,6 @@ class RefitSetup:
         )
         return found.with_signs_of({item.name: item.values for item in self.file_effects}, frozenset(within))
 
-    def fit_to_gap(self, found: Refit) -> Refit:
-        """Return a fit with the nominal parameters fitted to the gap as reported. Its effects keep their values.
-
-        Samples where the contact sticks and low frequencies have a lower weight in a fit than in the gap as reported.
-
-        Args:
-            found: the fit.
-        """
-        every = [(i, j) for i, item in enumerate(found.effects) for j in range(len(item.values))]
-        setup = replace(self, data=self.data.with_gap_weights(found.model))
-        moved = setup.fit(found.effects, found.logs, every, evaluations=WRITTEN_EVALUATIONS)
-        return self.fit(found.effects, moved.logs, evaluations=1)
-
     def without(self, name: str, effects: Sequence[EffectSettings]) -> tuple[RefitSetup, tuple[EffectSettings, ...]]:
         """Return setup and effects without one effect. An effect of the file stays, with the file's values."""
         given = {item.name: item for item in self.file_effects}

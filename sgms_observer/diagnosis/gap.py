@@ -1,7 +1,8 @@
 """The gap: rms of measured minus modelled effort in one band, over the rms measured effort of the same samples.
 
-Where the encoder shows no motion, its resolution may hide a change of the friction that is larger than the noise. No
-model can predict this change from the motion. The weight of such samples decreases with the hidden force.
+While the contact slides, its motion determines the friction. Where it sticks, or the encoder shows no motion, another
+contact law or a hidden reversal may change the friction by much more than the noise. Such samples count as much less as
+they are measured to scatter more, in the fit, in the evidence and in the gap.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ class Gap:
         after: gap of the final model without learnt maps.
         floor: gap that no predictor removes.
         noise: gap of a perfect model, from noise and encoder.
+        unweighted_before, unweighted_after: gaps before and after in which every sample counts alike.
         interval_before, interval_after: 90 % intervals by moving blocks.
         held_out: data of the gap: ``held-out`` recordings, or ``cross-validated`` halves of the recordings.
         band: upper frequency of the residuals [Hz].
@@ -46,6 +48,8 @@ class Gap:
     after: float
     floor: float
     noise: float
+    unweighted_before: float
+    unweighted_after: float
     interval_before: tuple[float, float]
     interval_after: tuple[float, float]
     held_out: str

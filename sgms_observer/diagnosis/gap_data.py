@@ -14,7 +14,7 @@ from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
-from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, halves, noise_floor, residuals
+from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, halves, noise_floor, residuals, rms
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.whitened import WhitenedData, data_with_noise_of, data_with_own_noise
@@ -52,7 +52,7 @@ class GapData:
     @cached_property
     def effort(self) -> float:
         """Return the rms measured effort [N]."""
-        return effort_rms(self.motions, self.whitened.gap_weights)
+        return effort_rms(self.motions, self.whitened.weights)
 
     def residuals(self, fit: Refit, setup: RefitSetup) -> tuple[Floats, ...]:
         """Return the residual of each recording [N]. Halves are predicted by a fit to the other halves.
@@ -72,27 +72,19 @@ class GapData:
 
     def rest(self, parts: Sequence[Floats]) -> WeightedResidual:
         """Return residuals with the weights of the gap."""
-        return WeightedResidual(self.motions, parts, self.whitened.gap_weights)
-
-    def evidence(self, parts: Sequence[Floats]) -> WeightedResidual:
-        """Return residuals with the weights of the evidence: low where the contact sticks too."""
         return WeightedResidual(self.motions, parts, self.whitened.weights)
 
     def rms(self, parts: Sequence[Floats]) -> float:
         """Return the rms of residuals with the weights of the gap [N]."""
         return self.rest(parts).rms
 
-    def unexplained(self, parts: Sequence[Floats]) -> float:
-        """Return the rms of residuals over that of the effort, both with the weights of the evidence."""
-        return self.evidence(parts).rms / effort_rms(self.motions, self.whitened.weights)
+    def unweighted(self, parts: Sequence[Floats]) -> float:
+        """Return the rms of residuals over that of the effort, with every sample counting alike."""
+        ones = [np.ones(len(part)) for part in parts]
+        return rms(parts) / effort_rms(self.motions, ones)
 
     def reduction(self, before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
-        """Return by how much residuals are smaller than others with the weights of the evidence, in blocks of time."""
-        block = self.options.criteria.block
-        return improvement(self.evidence(before).blocks(block), self.evidence(after).blocks(block))
-
-    def reported_reduction(self, before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
-        """Return by how much the gap as reported is smaller with residuals than with others, in blocks of time."""
+        """Return by how much the gap is smaller with residuals than with others, in blocks of time."""
         block = self.options.criteria.block
         return improvement(self.rest(before).blocks(block), self.rest(after).blocks(block))
 
@@ -102,17 +94,13 @@ class GapData:
         weights = self.whitened if self.has_held_out else self.diagnosis.evaluation.fit_data
         return noise_floor(
             state.held_out_motions or state.fit_motions, state.current.model, state.setup.data.noise,
-            self.options.seed, weights.gap_weights,
+            self.options.seed, weights.weights,
         )  # fmt: skip
 
     def fitted(self, model: Model) -> WeightedResidual:
-        """Return the residual of a model on the fitted recordings, with the weights of the evidence."""
+        """Return the residual of a model on the fitted recordings, with the weights of the gap."""
         motions = self.diagnosis.final_state.fit_motions
         return WeightedResidual(motions, residuals(model, motions), self.diagnosis.evaluation.fit_data.weights)
-
-    def fitted_gap(self, model: Model) -> WeightedResidual:
-        """Return the residual of a model on the fitted recordings, with the weights of the gap."""
-        return replace(self.fitted(model), weights=self.diagnosis.evaluation.fit_data.gap_weights)
 
     def predictable(self, rest: WeightedResidual, model: Model) -> FreeForm | None:
         """Return what a free-form regression over all coordinates predicts of a residual, or None if not significant.

@@ -81,21 +81,13 @@ class Noise:
         return float(np.sqrt(2.0 * trapezoid(self.density(grid), grid)))
 
     def weights(self, unknown: UnknownFriction) -> Floats:
-        """Return the weights of residuals before whitening.
+        """Return the weights of residuals, in the gap and before whitening.
 
         Args:
             unknown: what the samples do not tell.
         """
         sticking = self.stick_variance * unknown.stick_indicator**2
         return self._smoothed(np.maximum(sticking, self._hidden_variance(unknown)))
-
-    def gap_weights(self, unknown: UnknownFriction) -> Floats:
-        """Return the weights of residuals in the gap: low where the encoder resolution hides the force.
-
-        Args:
-            unknown: what the samples do not tell.
-        """
-        return self._smoothed(self._hidden_variance(unknown))
 
     def _hidden_variance(self, unknown: UnknownFriction) -> Floats:
         """Return the extra variance of what the motion does not determine, over the variance elsewhere.

@@ -264,10 +264,10 @@ def without_insignificant_effects(
         tests = _reported_tests(closed_gap, closed)
         failed = min(_failed(tests), key=lambda test: test.value / test.threshold, default=None)
         if failed is None:
-            for item in [one for one in written.fitted.effects if one.name in names]:
+            for item in [one for one in written.after.effects if one.name in names]:
                 in_response = delay_in_response(written.after.model, item.name, evaluation)
                 shown = is_shown(in_response, options.criteria)
-                tests.append(within_range(item, written.fitted, written.setup, shown))
+                tests.append(within_range(item, written.after, written.setup, shown))
             failed = max(_failed(tests), key=lambda test: test.value, default=None)
         if failed is None:
             for test in tests:
@@ -315,7 +315,7 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
             at_least(
                 name, "share of the closable squared gap beside the others", closed.share, criteria.min_closed_share
             ),
-            at_least(name, "gap as reported beside the others: z-score", closed.z_score, criteria.interval_z_score),
+            at_least(name, "gap beside the others: z-score", closed.z_score, criteria.interval_z_score),
         ]  # fmt: skip
         errors = _errors_of_places(name, written)
         if errors:
@@ -439,17 +439,14 @@ def _written_without(found: FitState, nominal: Model, evaluation: EvaluationData
     """
     setup = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
     fit = setup.fit(found.current.effects, evaluations=WRITTEN_EVALUATIONS)
-    best = evaluation.best_for_gap(setup, fit)
     none = RecordingEstimates.none()
-    return WrittenFits(best, best, fit, setup, none, none, none)
+    return WrittenFits(fit, fit, setup, none, none, none)
 
 
 def _as_written(
     without: WrittenFits, found: FitState, state: FitState, nominal: Model, evaluation: EvaluationData
 ) -> WrittenFits:
     """Return the fits with the elements of the file, without and with everything that was accepted.
-
-    Where other values predict the gap as reported better (see ``EvaluationData.best_for_gap``), both models have them.
 
     Args:
         without: fits without it.
@@ -460,7 +457,7 @@ def _as_written(
     """
     if state is found:
         return without
-    before = without.fitted
+    before = without.before
     fine = state.setup.nominal
     later = replace(nominal, is_unsmoothed=fine.is_unsmoothed, relaxation=fine.relaxation)
     if state.setup.freedom.elements:
@@ -480,9 +477,7 @@ def _as_written(
     common = estimates
     if any(needs_visible_contact(item.name) for item in after.effects):
         common = recording_estimates(last, fresh, state.held_out_motions, has_common_values=True)
-    best = evaluation.best_for_gap(last, after)
-    before = before if best is after else without.before
-    return WrittenFits(before, best, after, last, estimates, strengths, common)
+    return WrittenFits(before, after, last, estimates, strengths, common)
 
 
 def _with_derivatives(setup: RefitSetup, found: Refit, only_strengths: bool) -> Refit:

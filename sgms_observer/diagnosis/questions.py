@@ -120,16 +120,14 @@ def at_limit(fit: Refit, tolerance: float) -> list[str]:
 def _explained(answer: Answer) -> Light:
     """Ask whether the model explains the effort."""
     test = _test(answer, "share of the effort that is unexplained")
-    share = f"{answer.gap.after:.3g} % of the rms effort is unexplained"
+    share = f"{answer.gap.unweighted_after:.3g} % of the rms effort is unexplained"
     if test is None:
         return Light(BELIEVABILITY, "Does the model explain the effort?", UNSURE, f"{share}.")
     state = GOOD if test.passed else BAD
     limit = f"{share} on {answer.gap.held_out} data; the limit is {100 * test.threshold:.3g} %."
     while_sliding = next((one for one in answer.tests if one.name == UNEXPLAINED_WHILE_SLIDING), None)
     if state == BAD and while_sliding is not None and while_sliding.passed:
-        limit += (
-            f" With the weights of the evidence, which hardly count a resting stage, {100 * while_sliding.value:.2g} %."
-        )
+        limit += f" With the weights of the gap, which hardly count a resting stage, {100 * while_sliding.value:.2g} %."
     return Light(BELIEVABILITY, "Does the model explain the effort?", state, limit)
 
 

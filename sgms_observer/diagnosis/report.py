@@ -166,7 +166,7 @@ def _reasons(answer: Answer) -> str:
     """Return why the verdict is ``cannot_tell``, as the end of a sentence; empty where a warning says it."""
     gap = answer.gap
     sentences = {
-        UNEXPLAINED: f"the model leaves {gap.after:.3g} % of the effort unexplained",
+        UNEXPLAINED: f"the model leaves {gap.unweighted_after:.3g} % of the effort unexplained",
         OVER_NOISE: "the gap is far above the noise, and nothing predicts it",
         ADDED_BY_REFIT: (
             f"with the file refitted within its tolerance the gap is {gap.before:.3g} % of the rms effort, and"
@@ -222,6 +222,8 @@ def _answer(answer: Answer, units: Units) -> Section:
         f" measured effort. With the file refitted within its tolerance it is {gap.before:.3g} % (90 % interval"
         f" {low:.3g} to {high:.3g} %), with the effects and changed values {gap.after:.3g} % ({least:.3g} to"
         f" {most:.3g} %)" + (f", and with learnt maps {answer.gap_with_learnt:.3g} %." if answer.learnt else "."),
+        "Samples at rest count as much less as they scatter more. If all counted alike, it would be"
+        f" {gap.unweighted_before:.3g} % and {gap.unweighted_after:.3g} %.",
     ]
     for item in answer.effects:
         entry = effect(item.settings.name)

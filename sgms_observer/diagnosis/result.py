@@ -53,6 +53,7 @@ def result_of(
             "on": gap.held_out,
             "band_hz": [0.0, gap.band],
             "closure": gap.closure,
+            "unweighted": {"before": gap.unweighted_before, "after": gap.unweighted_after},
             "interval_before": list(gap.interval_before),
             "interval_after": list(gap.interval_after),
         },

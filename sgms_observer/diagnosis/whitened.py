@@ -31,13 +31,11 @@ class WhitenedData:
         motions: recordings.
         noise: noise of each recording.
         weights: weights of the residuals of each recording.
-        gap_weights: weights of the residuals in the gap: low where the encoder resolution hides the force.
     """
 
     motions: tuple[Motion, ...]
     noise: tuple[Noise, ...]
     weights: tuple[Floats, ...]
-    gap_weights: tuple[Floats, ...]
 
     def whitened(self, series: Sequence[Floats]) -> Floats:
         """Return whitened columns of all recordings.
@@ -63,20 +61,6 @@ class WhitenedData:
         return self.whitened([
             np.array([predict(model, motion).residual for model in models]) for motion in self.motions
         ])  # fmt: skip
-
-    def with_gap_weights(self, model: Model) -> WhitenedData:
-        """Return the recordings weighted as in the gap, where all frequencies count alike.
-
-        Args:
-            model: what it leaves is the noise.
-        """
-        left = [
-            weights * motion.low_pass(predict(model, motion).residual)
-            for motion, weights in zip(self.motions, self.gap_weights, strict=True)
-        ]
-        square = float(np.mean(np.square(np.concatenate(left))))
-        noise = tuple(replace(one, low=0.0, white=square / (2.0 * one.band)) for one in self.noise)
-        return replace(self, noise=noise, weights=self.gap_weights)
 
     def contact_slopes(self, nominal: Model, logs: Floats) -> Floats:
         """Return the whitened derivatives with respect to the parameters of the contact, see ``contact_slopes``."""
@@ -120,9 +104,8 @@ def _whitened_data(
     motions: Sequence[Motion], noises: Sequence[Noise], unknown: Sequence[UnknownFriction]
 ) -> WhitenedData:
     """Return recordings with their noise and the weights that follow from it."""
-    pairs = list(zip(noises, unknown, strict=True))
-    weights = tuple(noise.weights(one) for noise, one in pairs)
-    return WhitenedData(tuple(motions), tuple(noises), weights, tuple(noise.gap_weights(one) for noise, one in pairs))
+    weights = tuple(noise.weights(one) for noise, one in zip(noises, unknown, strict=True))
+    return WhitenedData(tuple(motions), tuple(noises), weights)
 
 
 def _unknown(model: Model, motion: Motion) -> UnknownFriction:

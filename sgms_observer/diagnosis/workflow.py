@@ -269,8 +269,8 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
     """Return the state with narrow elements, unless elements with a wider tolerance predict significantly better.
 
     Few elements approximate a continuous contact, so their best values may be far from those of the file. If the
-    contact follows another law, wide elements fit the residual of that law and predict worse. Samples where the contact
-    sticks have a lower weight in the fit than in the reported gap, so the reported gap must not grow either.
+    contact follows another law, wide elements fit the residual of that law and predict worse. Low frequencies have a
+    lower weight in the fit than in the gap, so the gap must not grow either.
 
     Args:
         state: state with wide elements.
@@ -281,7 +281,7 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
     earlier, later = evidence_of(narrow.current, evaluation), evidence_of(state.current, evaluation)
     pair = (earlier.held_out, later.held_out) if evaluation.has_held_out else (earlier.all, later.all)
     is_significant = improvement(*pair).z_score > options.criteria.min_z_score
-    wide_gap, narrow_gap = (evaluation.reported_rms(one.current.model) for one in (state, narrow))
+    wide_gap, narrow_gap = (evaluation.rms(one.current.model) for one in (state, narrow))
     return state if is_significant and wide_gap <= narrow_gap else narrow
 
 

@@ -235,10 +235,10 @@ def decision(name: str, learn: float, held: float) -> Decision:
     rng = np.random.default_rng(3)
     noise = [rng.standard_normal(50) for _ in range(80)]
     blocks = [size * (1.0 + 0.01 * one) for size, one in zip([learn] * 40 + [held] * 40, noise, strict=True)]
-    evidence = Evidence(blocks[:40], blocks[40:], [], [])
+    evidence = Evidence(blocks[:40], blocks[40:], [])
     candidate: Any = type("Named", (), {"name": name, "settings": FALL})()
     nothing = Improvement(0.0, 0.0, 1.0)
-    return Decision(candidate, evidence, nothing, nothing, nothing, (Test("x", "x", 1.0, 0.0, True),))
+    return Decision(candidate, evidence, nothing, nothing, (Test("x", "x", 1.0, 0.0, True),))
 
 
 def alternatives(best: Decision, others: list[Decision]) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ SCHEMA = {
 }  # fmt: skip
 GAP = {
     "given", "before", "after", "named", "predictable", "floor", "noise", "unit", "on", "band_hz", "closure",
-    "interval_before", "interval_after",
+    "interval_before", "interval_after", "unweighted",
 }  # fmt: skip
 
 

@@ -223,10 +223,10 @@ def decision(name: str, scale: float, chance: float = 0.0, is_passed: bool = Tru
     blocks = np.array_split(series, 20)
     found: Any = SimpleNamespace(effects=() if name.startswith("changed") else (EffectSettings(name),))
     none: Any = None
-    evidence = Evidence(blocks, [], blocks, blocks)
+    evidence = Evidence(blocks, [], blocks)
     test = at_least(name, "any", 1.0 if is_passed else 0.0, 0.5)
     reduction = improvement(blocks, blocks)
-    return Decision(Candidate(name, none, found, 1), evidence, reduction, reduction, reduction, (test,))
+    return Decision(Candidate(name, none, found, 1), evidence, reduction, reduction, (test,))
 
 
 def test_alternatives_are_what_left_out_data_do_not_tell_from_the_best() -> None:

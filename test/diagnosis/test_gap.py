@@ -18,7 +18,7 @@ RATE = 250.0
 def gap_of(before: float, after: float, floor: float) -> Gap:
     """Return a gap with these figures."""
     intervals = ((0.9 * before, 1.1 * before), (0.9 * after, 1.1 * after))
-    return Gap(before, before, after, floor, floor, *intervals, "held-out", 25.0, 1.1)
+    return Gap(before, before, after, floor, floor, before, after, *intervals, "held-out", 25.0, 1.1)
 
 
 @settings(derandomize=True, max_examples=50)

@@ -125,7 +125,7 @@ def accepted(setup: RefitSetup, found: Refit, without: Refit, name: str, evaluat
     item = Candidate(name, setup, found, 1)
     later = evidence_of(found, evaluation)
     gain = improvement(evidence_of(without, evaluation).all, later.all)
-    decision = Decision(item, later, gain, gain, gain, ())
+    decision = Decision(item, later, gain, gain, ())
     return Round({}, (decision,), decision, {})
 
 

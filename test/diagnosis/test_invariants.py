@@ -68,7 +68,7 @@ def check(answer: Answer, learn: Recording) -> None:
     rest = next(test for test in answer.tests if test.name == "surely predictable share of the residual")
     if named:
         assert gap.after < gap.before
-        (shrinks,) = [test for test in answer.tests if test.name == "gap as reported: z-score"]
+        (shrinks,) = [test for test in answer.tests if test.name == "gap of the written model: z-score"]
         assert shrinks.passed and shrinks.value >= CRITERIA.interval_z_score
         assert answer.verdict in ("effect_found", "ambiguous")
         for item in named:

@@ -36,7 +36,7 @@ def motion() -> Any:
 
 def answer(**changes: Any) -> Any:
     """Return what the questions need of an answer in which all is well, but for the changes."""
-    gap = Gap(6.0, 5.0, 2.0, 1.9, 1.8, (4.9, 5.1), (1.9, 2.1), "held-out", 100.0, 1.1)
+    gap = Gap(6.0, 5.0, 2.0, 1.9, 1.8, 5.0, 2.0, (4.9, 5.1), (1.9, 2.1), "held-out", 100.0, 1.1)
     fit = SimpleNamespace(model=MODEL, logs=np.zeros(len(MODEL.parameter_names())), is_converged=True)
     state = SimpleNamespace(fit_motions=(motion(),), held_out_motions=(motion(),))
     score = at_least("cogging", "z-score, held-out recordings", 9.1, 3.0)

@@ -53,7 +53,7 @@ def test_an_effect_is_fitted_beside_held_values(evaluation: EvaluationData) -> N
     "hidden, refused_by",
     [
         (EffectSettings("actuator_gain", (0.8,)), "size beyond the tolerance"),
-        (EffectSettings("mass_error", (1.2,)), "gap as reported beside the others: z-score"),
+        (EffectSettings("mass_error", (1.2,)), "gap beside the others: z-score"),
     ],
 )
 def test_within_the_tolerance_of_the_file_nothing_is_missing(
@@ -105,7 +105,7 @@ def test_what_may_be_within_the_tolerance_is_nothing_unknown(is_small: bool) -> 
     candidate: Any = SimpleNamespace(name="actuator_gain", settings=EffectSettings("actuator_gain", (1.04,)))
     nothing: Any = None
     gain = Improvement(0.3, 9.0, 1.0)
-    item = Decision(candidate, nothing, gain, gain, gain, (predicts,)).with_test(small if is_small else None)
+    item = Decision(candidate, nothing, gain, gain, (predicts,)).with_test(small if is_small else None)
     found: Any = SimpleNamespace(
         final_state=SimpleNamespace(held_out_motions=(1,)), rounds=(Round({}, (item,), None, {}),)
     )
@@ -262,7 +262,7 @@ def test_an_unexplained_force_at_rest_takes_no_name_away(monkeypatch: pytest.Mon
     answer = answer_of(workflow.diagnose([one], [other], AXIS, options), AXIS, options)
     (named,) = answer.effects
     assert named.settings.name == "spring" and named.settings.values[0] == pytest.approx(60.0, rel=0.05)
-    assert answer.gap.after > 100.0 * options.criteria.max_unexplained and not answer.usable
+    assert answer.gap.unweighted_after > 100.0 * options.criteria.max_unexplained and not answer.usable
     assert any(text.startswith("unusable model: ") for text in answer.warnings)
 
 

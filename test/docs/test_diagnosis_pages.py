@@ -37,7 +37,6 @@ NATURAL = {
     "parameters at the end of their range": 0.0,
     "other parts of another contact law": 0.0,
     "z-score of a better prediction than logarithmic friction, where the contact slides fast": 0.0,
-    "gap as reported, as a share of the effort": 1.0,
     "residual predictable over the coordinates of a contact / closed residual": 1.0,
     "90 % interval of a pitch, place or width over the stroke": 1.0,
     "friction that reverses within one encoder step, over the static force": 1.0,
@@ -56,7 +55,7 @@ BY_PARAMETER = {"effects.parameters", "effects.std_error", "detectable"}
 def full_answer() -> Any:
     """Return an answer with one of everything."""
     none = np.zeros(1)
-    gap = Gap(5.0, 4.0, 2.0, 1.0, 0.5, (3.9, 4.1), (1.9, 2.1), "held-out", 100.0, 1.1)
+    gap = Gap(5.0, 4.0, 2.0, 1.0, 0.5, 4.0, 2.0, (3.9, 4.1), (1.9, 2.1), "held-out", 100.0, 1.1)
     named = Named(EffectSettings("offset", (0.6,)), (0.01,), 0.9, ("cogging",), 4.0, 2.0)
     table = LearntMap(("position",), ((0.0, 1.0),), (0.0, 1.0))
     learnt = FittedMap(table, ("position",), Improvement(1.0, 4.0, 2.0), 0.5, "a force", np.ones(len(table.values)))

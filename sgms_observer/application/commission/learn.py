@@ -222,7 +222,7 @@ def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
     band = choose_band(pieces, axis).corner
     motions = [motion_of(piece, band=band) for piece in pieces]
     model = Model.of(axis)
-    return WeightedResidual(motions, residuals(model, motions), data_with_own_noise(motions, model).gap_weights)
+    return WeightedResidual(motions, residuals(model, motions), data_with_own_noise(motions, model).weights)
 
 
 def unexplained(bag: str, axis: AxisSettings) -> float:
