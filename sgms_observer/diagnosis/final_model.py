@@ -40,7 +40,7 @@ OFFSET = "offset"
 CONSTANT_FORCES = (OFFSET, "asymmetric_coulomb")
 """Effects that a learnt map may hold a part of."""
 UNEXPLAINED_WHILE_SLIDING = "unexplained share of the effort, with the weights of the gap"
-"""Test of the model with everything that was added: the evidence hardly counts samples where the contact sticks."""
+"""Test of the model with everything that was added: the gap hardly counts samples where the contact sticks."""
 
 
 @dataclass(frozen=True)
