@@ -83,6 +83,7 @@ def twin_gap(case: Case, out: Path) -> float | None:
     gap = read_result(out / "results" / twin_name).get("gap") or {}
     if gap.get("after") is None:
         return None
+    # Exact where every sample has the weight 1, as on these contacts nearly all have.
     ratio = sum(one**2 for one in there) / sum(one**2 for one in here)
     return float(gap["after"]) * ratio**0.5
 

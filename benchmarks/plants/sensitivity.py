@@ -44,6 +44,8 @@ CRITERION_OF = {
     "size beyond the tolerance of the file": "interval_z_score",
     "held-out gap: z-score": "interval_z_score",
     "gap of the written model: z-score": "interval_z_score",
+    "gap of the written model: share of": "min_closed_share",
+    "gap beside the others: z-score": "interval_z_score",
     "z-score of a force that differs between": "min_z_score",
     "share of the squared gap above the noise in the place of": "min_imitable_share",
     "share of the squared gap above the noise beside the others, of": "min_imitable_share",

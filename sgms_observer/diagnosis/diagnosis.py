@@ -101,7 +101,7 @@ class FitState:
         setup: setup of the fit: noise, freedom, fixed effects.
         current: the fit.
         least: smallest rms residual that a fitted hypothesis left on the evaluated recordings, with the weights of the
-            evidence [N].
+            gap [N].
         hidden_by_encoder: friction of the file that reverses within one encoder step, over the static force.
     """
 

@@ -11,7 +11,6 @@ from sgms_observer.diagnosis.evidence import (
     Improvement,
     fit_residuals,
     held_out_residuals,
-    improvement,
     in_blocks,
     left_out_residuals,
 )
@@ -60,17 +59,12 @@ class EvaluationData:
 
     @property
     def weights(self) -> tuple[Floats, ...]:
-        """Return the weights of the samples of ``motions``: low where the encoder does not show the motion."""
+        """Return the weights of the samples of ``motions``: low where the residual of a stage at rest scatters more."""
         return self.held_out_data.weights if self.has_held_out else self.fit_data.weights
 
     def rms(self, model: Model) -> float:
         """Return the rms weighted residual of a model on ``motions`` [N]."""
         return rms(weighted(residuals(model, self.motions), self.weights))
-
-    def gain(self, before: Model, after: Model) -> Improvement:
-        """Return the improvement of the gap from one model to another, on ``motions`` [N^2]."""
-        left = [weighted(residuals(model, self.motions), self.weights) for model in (before, after)]
-        return improvement(*(in_blocks(parts, self.motions, self.criteria.block) for parts in left))
 
     def closed_share(self, gain: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.

@@ -64,7 +64,7 @@ def _load_of(data: GapData, fit: Refit, motion: Motion, weights: Floats) -> Othe
     Args:
         data, fit: as above.
         motion: the recording.
-        weights: of its residual in the evidence.
+        weights: of its residual in the gap.
     """
     criteria, diagnosis = data.options.criteria, data.diagnosis
     file_setup = replace(diagnosis.file_state.setup, nominal=diagnosis.nominal)

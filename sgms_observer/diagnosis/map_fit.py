@@ -26,8 +26,7 @@ COORDINATES = (
 )  # fmt: skip
 """Coordinates that are tried. A map with fewer values is preferred unless a larger one predicts better."""
 AT_REST = (("rest",), ("rest", "direction"))
-"""Coordinates of what relaxes while the stage rests. The evidence hardly counts such samples, so these maps are fitted
-and judged with the weights of the gap."""
+"""Coordinates of what relaxes while the stage rests."""
 OF_CONTACT = frozenset({*CONTACT, "load", "rest"})
 """Coordinates that the force of any contact law may depend on."""
 POINTS = {1: 24, 2: 10}

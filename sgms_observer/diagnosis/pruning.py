@@ -239,7 +239,7 @@ def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:
 def without_insignificant_effects(
     found: FitState, state: FitState, rounds: Sequence[Round], nominal: Model, options: Options
 ) -> tuple[FitState, tuple[Round, ...], WrittenFits]:
-    """Remove each effect that held-out recordings do not show or that hardly closes the reported gap, weakest first.
+    """Remove each effect that held-out recordings do not show or that hardly closes the gap, weakest first.
 
     An effect of the machine appears in all recordings: estimated from the held-out ones alone, its strength has the
     same sign and differs significantly from zero. A fit at an end of its range is no estimate: where everything else
@@ -253,10 +253,10 @@ def without_insignificant_effects(
         nominal: the given model.
         options: options of the diagnosis.
     """
-    without = _written_without(found, nominal, found.evaluation(options))
+    without = _written_without(found, nominal)
     while True:
         evaluation = state.evaluation(options)
-        written = _as_written(without, found, with_friction_of_file(state, rounds, evaluation), nominal, evaluation)
+        written = _as_written(without, found, with_friction_of_file(state, rounds, evaluation), nominal)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
         closed_gap = ClosedGap(names, written, file_contact, evaluation)
@@ -429,13 +429,12 @@ def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:
     )
 
 
-def _written_without(found: FitState, nominal: Model, evaluation: EvaluationData) -> WrittenFits:
+def _written_without(found: FitState, nominal: Model) -> WrittenFits:
     """Return the fits with the elements of the file, both without anything that was accepted.
 
     Args:
         found: state after the refit within the tolerance.
         nominal: the given model.
-        evaluation: the recordings.
     """
     setup = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
     fit = setup.fit(found.current.effects, evaluations=WRITTEN_EVALUATIONS)
@@ -443,9 +442,7 @@ def _written_without(found: FitState, nominal: Model, evaluation: EvaluationData
     return WrittenFits(fit, fit, setup, none, none, none)
 
 
-def _as_written(
-    without: WrittenFits, found: FitState, state: FitState, nominal: Model, evaluation: EvaluationData
-) -> WrittenFits:
+def _as_written(without: WrittenFits, found: FitState, state: FitState, nominal: Model) -> WrittenFits:
     """Return the fits with the elements of the file, without and with everything that was accepted.
 
     Args:
@@ -453,7 +450,6 @@ def _as_written(
         found: state after the refit within the tolerance.
         state: state with everything that was accepted.
         nominal: the given model.
-        evaluation: the recordings.
     """
     if state is found:
         return without

@@ -117,9 +117,9 @@ def texts_of(page: str) -> list[str]:
 def test_the_gap_of_the_file_is_that_of_the_users_own_file(session: Session) -> None:
     page = page_of(session)
     assert (
-        "Your file leaves 27 % of the rms force unexplained; the identified values 5.3 %; the identified values without"
-        " the offset, refitted for the diagnosis, 10.8 %; the model with all that was found 1.72 %. No recorded signal"
-        " predicts the last 1.7 %." in page
+        "The gap of your file is 27 % of the rms force; of the identified values 5.3 %; of the identified values"
+        " without the offset, refitted for the diagnosis, 10.8 %; of the model with all that was found 1.72 %. No"
+        " recorded signal predicts the last 1.7 %." in page
     )
     assert "The file leaves 10.8 %" not in page
     bars = [text for text in texts_of(page) if text.endswith(" %")]
@@ -186,9 +186,9 @@ def test_the_page_reads_well_and_is_small(session: Session, browser: Browser) ->
 def test_identify_keeps_what_the_file_and_the_identified_values_leave(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shares: tuple[float, float], has_model: bool
 ) -> None:
-    session, left = session_of(tmp_path), list(shares)
+    session = session_of(tmp_path)
     monkeypatch.setattr(learn, "identify_bags", lambda *_: SimpleNamespace(path=tmp_path / "start.yaml"))
-    monkeypatch.setattr(learn, "unexplained", lambda *_: left.pop(0))
+    monkeypatch.setattr(learn, "unexplained", lambda *_: shares)
     monkeypatch.setattr(learn, "_without_new_offset", lambda *_: IDENTIFIED)
     learn.identify(session)
     facts = session.ledger.facts

@@ -92,7 +92,7 @@ class Bench:
         session.ledger.effects = self.answers.pop(0)
         gap = self.gaps.pop(0) if self.gaps else 3.0
         session.ledger.facts |= {"diagnosis": out, "diagnosis_seconds": 40.0, "gap": {
-            "after": gap, "interval_after": [0.9 * gap, 1.1 * gap]}}  # fmt: skip
+            "after": gap, "interval_after": [0.9 * gap, 1.1 * gap], "unweighted": {"after": gap}}}  # fmt: skip
         return f"named {session.ledger.effects[0]['name']}", []
 
 

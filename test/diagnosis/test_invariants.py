@@ -101,7 +101,7 @@ def check(answer: Answer, learn: Recording) -> None:
                 assert value < most
             if parameter.name == "pitch":
                 assert value < float(np.ptp(learn.position))
-    is_unusable = gap.after > 100.0 * CRITERIA.max_unexplained
+    is_unusable = gap.unweighted_after > 100.0 * CRITERIA.max_unexplained
     assert is_unusable == (not whole.passed) == any(text.startswith("unusable model: ") for text in answer.warnings)
     assert not (is_unusable and answer.usable)
     names = {(test["of"], test["name"]) for test in result["tests"]}

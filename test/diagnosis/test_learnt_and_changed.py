@@ -240,7 +240,7 @@ def test_parts_left_out_in_turn_are_enough_to_learn_from(rail: tuple[Recording, 
 
 
 @pytest.mark.parametrize(("share", "is_learnt"), [(0.11, True), (0.09, False)])
-def test_a_map_that_hardly_closes_the_gap_as_reported_is_not_learnt(
+def test_a_map_that_hardly_closes_the_gap_is_not_learnt(
     share: float, is_learnt: bool, rail: tuple[Recording, Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(GapData, "reduction", lambda *_: Improvement(share, 9.0, 1.0))

@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +135,7 @@ def identify(session: Session) -> Found:
     )
     identified = identify_bags(job, _titled(session))
     found = next(one for one in load_settings(identified.path).axes if one.name == axis.name)
-    given, fitted = (unexplained(own_bag, one) for one in (axis, found))
+    given, fitted = unexplained(own_bag, [axis, found])
     session.ledger.facts[OWN_MOTION_GAP] = {"file": 100.0 * given, "identified": 100.0 * fitted}
     is_better = fitted < MAX_RATIO_OF_BETTER * given
     if is_better:
@@ -148,8 +148,8 @@ def identify(session: Session) -> Found:
         else "not clearly less, so the diagnosis starts from the file's values"
     )
     return (
-        f"on your own motion the file's values leave {100 * given:.1f} % of the rms {axis.units.effort_word}"
-        f" unexplained, the identified ones {100 * fitted:.1f} %; {verdict}",
+        f"on your own motion the gap of the file's values is {100 * given:.1f} % of the rms {axis.units.effort_word},"
+        f" that of the identified ones {100 * fitted:.1f} %; {verdict}",
         [IDENTIFIED],
     )
 
@@ -225,10 +225,19 @@ def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
     return WeightedResidual(motions, residuals(model, motions), data_with_own_noise(motions, model).weights)
 
 
-def unexplained(bag: str, axis: AxisSettings) -> float:
-    """Return the gap of a model: rms of measured minus modelled effort over the rms effort of a recording."""
-    rest = residual_of(bag, axis)
-    return rest.rms / effort_rms(rest.motions, rest.weights)
+def unexplained(bag: str, axes: Sequence[AxisSettings]) -> list[float]:
+    """Return the gaps of models: rms of measured minus modelled effort over the rms effort of a recording.
+
+    All have the same weights: a sample counts as little as it does for the model that says least of it.
+
+    Args:
+        bag: the recording.
+        axes: one axis with the values of each model.
+    """
+    rests = [residual_of(bag, axis) for axis in axes]
+    weights = [np.minimum.reduce(parts) for parts in zip(*(one.weights for one in rests), strict=True)]
+    effort = effort_rms(rests[0].motions, weights)
+    return [replace(one, weights=weights).rms / effort for one in rests]
 
 
 def load_motion(session: Session, name: str) -> Motion:

@@ -135,7 +135,9 @@ def _diagnose_again(session: Session, done: list[dict[str, Any]]) -> str:
     finally:
         session.reserved = 0.0
     done[-1]["sentence"] = f"experiment {len(done)} for {', '.join(done[-1]['effects'])}: {sentence}"
-    if ledger.facts["gap"]["after"] <= earlier["gap"]["interval_after"][1]:
+    now, before = ledger.facts["gap"], earlier["gap"]
+    is_worse = now["unweighted"]["after"] > before["unweighted"]["after"]  # the weights of the two may differ
+    if now["after"] <= before["interval_after"][1] or not is_worse:
         return ""
     ledger.facts |= earlier
     ledger.effects = effects

@@ -111,8 +111,8 @@ def _gap_lights(session: Session) -> list[Light]:
     ]
     (first, size), *others = steps
     answer = (
-        f"{first[0].upper()}{first[1:]} leaves {size:.3g} % of the rms {session.axis.units.effort_word} unexplained;"
-        f" {'; '.join(f'{name} {rest:.3g} %' for name, rest in others)}. No recorded signal predicts the last"
+        f"The gap of {first} is {size:.3g} % of the rms {session.axis.units.effort_word}; of"
+        f" {'; of '.join(f'{name} {rest:.3g} %' for name, rest in others)}. No recorded signal predicts the last"
         f" {gap['floor']:.3g} %."
     )
     question = f"Does the model predict your own motion better than {'your file' if files else 'before the diagnosis'}?"
