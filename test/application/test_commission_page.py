@@ -138,7 +138,7 @@ def test_the_light_compares_with_the_users_file_and_names_the_start(
     """A model that is far better than the start of the diagnosis may be no better than the file."""
     session.ledger.facts |= {"model": model, OWN_MOTION_GAP: {"file": file_gap, "identified": 5.3}}
     page = page_of(session)
-    assert f"; {start}, refitted for the diagnosis, 10.8 %;" in page
+    assert f"; of {start}, refitted for the diagnosis, 10.8 %;" in page
     light = re.search(r'<li class="(\w+)">(?:(?!</li>).)*predict your own motion better than your file', page)
     assert light is not None and light[1] == state
 
