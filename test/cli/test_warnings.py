@@ -73,7 +73,9 @@ def test_diagnose_warns_on_stderr(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], switch: list[str]
 ) -> None:
     """The command's own words, about a result that is made here."""
-    gap = types.SimpleNamespace(held_out="held-out", band=10.0, given=3.0, before=2.0, after=1.0, floor=0.5)
+    gap = types.SimpleNamespace(
+        held_out="held-out", band=10.0, given=3.0, before=2.0, after=1.0, floor=0.5, unweighted_after=1.0
+    )
     answer = types.SimpleNamespace(
         gap=gap, warnings=("the recording is short", "stage.controller differs"), verdict="cannot_tell", effects=(),
         learnt=(), changed=(), gap_with_learnt=1.0, next_experiment=None, usable=True, remainder="none", tests=(),
