@@ -48,7 +48,7 @@ QUIET, NOISY = (
         encoder: {{resolution: {resolution}, noise: {noise}}}
         force_noise: {force}
 """
-    for resolution, noise, force in (("1.0e-9", "2.0e-9", 0.02), ("1.0e-8", "2.0e-8", 0.6))
+    for resolution, noise, force in (("1.0e-9", "2.0e-9", 0.02), ("1.0e-8", "2.0e-8", 0.5))
 )
 
 
