@@ -259,6 +259,24 @@ def test_an_abort_leaves_no_force_a_page_and_a_folder_to_go_on_with(
     assert "times smaller" in again["steps"][-2]["sentence"] and "must not" not in (way.out / REPORT).read_text()
 
 
+def test_after_a_stop_between_two_steps_the_page_is_written_again(way: Run) -> None:
+    """Ctrl-C at the end of the diagnosis: no step failed, and the rerun kept the page of the first run."""
+    session = way.session()
+
+    def stop(sentence: str) -> None:
+        if sentence.startswith("diagnose: "):
+            raise KeyboardInterrupt
+
+    session.say = stop
+    with pytest.raises(KeyboardInterrupt):
+        commission(session, nullcontext())
+    first = (way.out / REPORT).read_text()
+    assert way.states()["report"] == DONE and FAILED not in way.states().values()
+    way.whole()
+    assert list(way.states()) == NAMES and way.states()["report"] == DONE
+    assert (way.out / REPORT).read_text() != first
+
+
 @pytest.mark.parametrize("step", ["check", "compensate", "before_and_after"])
 def test_a_motion_that_a_busy_computer_stopped_is_played_again_as_it_was(way: Run, step: str) -> None:
     """With a guard that knows nothing of the attempt before, and with the gain that it is about."""

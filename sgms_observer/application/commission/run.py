@@ -62,6 +62,8 @@ def commission(session: Session, graph: AbstractContextManager[object]) -> Ledge
         KeyboardInterrupt: the user stopped it; a rerun continues.
     """
     *steps, report = STEPS
+    if not all(session.ledger.is_finished(step.name) for step in steps):
+        session.ledger.begin(report.name)  # a run that is stopped between two steps leaves a finished page
     try:
         with graph:
             _do(session, steps)
