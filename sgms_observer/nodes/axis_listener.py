@@ -22,7 +22,6 @@ from sgms_observer.settings.axis import AxisSettings
 
 POSITION, EFFORT, REFERENCE, COMPENSATION = "position", "control_effort", "reference", "friction_compensation"
 
-_CONNECTING = 200_000_000  # ns by which the messages of one topic may be processed before those of the other
 _LONGEST_GUESS = 0.1  # s after the latest stamp during which the table's clock counts as running
 
 
@@ -109,14 +108,17 @@ class AxisListener:
             ready -= 1
         return ready
 
-    def between_efforts(self) -> Sequence[tuple[int, float]]:
+    def between_efforts(self, lead: float) -> Sequence[tuple[int, float]]:
         """Return the positions without those of a short time before the first effort and after the last one.
 
-        Of two topics, or two subscriptions of one, one is connected first, and its messages are processed first. An
-        effort that lacks for longer does not arrive.
+        Of two topics, or two subscriptions of one, one is connected first, and its messages are processed first.
+        Positions that lack an effort for longer stay: their topic is at fault.
+
+        Args:
+            lead: longest time by which the messages of one topic are processed before those of the other [s].
         """
         begin, end = min(self._efforts, default=0), self._latest_effort
-        first, last = begin - _CONNECTING, end + _CONNECTING
+        first, last = begin - round(1e9 * lead), end + round(1e9 * lead)
         return [row for row in self.positions if not (first <= row[0] < begin or end < row[0] <= last)]
 
     def samples(self, rows: Sequence[tuple[int, float]], reference: tuple[Any, Any] | None = None) -> Samples:

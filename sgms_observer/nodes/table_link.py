@@ -38,7 +38,7 @@ _PATIENCE = 10.0  # s for an answer of the graph
 _ACTIVE = "active: axes"  # text of the diagnostics of an active node
 _ASK_AGAIN = 2.0  # s after which a request is sent again
 _LOOK = 0.1  # s in which waiting messages are processed
-_LAST_SAMPLES = 0.2  # s for the last messages of a recording to arrive
+_LAST_SAMPLES = 0.2  # s for the last messages of a recording to arrive, on all topics
 
 
 class _Silence(DataError):
@@ -109,7 +109,7 @@ class TableLink:
             while time.monotonic() < begun + seconds and not self._signals.first:
                 self._spin(_TURN)
         node, count = self._node, self._node.count_publishers
-        samples = self._listener.samples(self._listener.between_efforts())
+        samples = self._listener.samples(self._listener.between_efforts(_LAST_SAMPLES))
         return Topics(
             names=dict(self._listener.names),
             samples=samples,
