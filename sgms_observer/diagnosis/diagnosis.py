@@ -16,7 +16,7 @@ from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.effort_lag import changes_of_lag, fitted_effort_lags, with_real_changes
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup
-from sgms_observer.diagnosis.gap import WeightedResidual, noise_floor, residuals, rms, weighted
+from sgms_observer.diagnosis.gap import WeightedResidual, noise_floor, residuals, rms, weighted_rms
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model
 from sgms_observer.diagnosis.motion import EffortLag, Motion, motion_of
 from sgms_observer.diagnosis.screen import Screening
@@ -225,9 +225,15 @@ class FitState:
         """Return what the fit leaves of recordings."""
         return WeightedResidual(data.motions, residuals(self.current.model, data.motions), data.weights)
 
-    def with_least_of(self, decisions: Sequence[Decision]) -> FitState:
-        """Return the state that knows what these hypotheses leave: the noise cannot be larger."""
-        return replace(self, least=min([self.least, *(rms(item.evidence.force) for item in decisions)]))
+    def with_least_of(self, decisions: Sequence[Decision], evaluation: EvaluationData) -> FitState:
+        """Return the state with the smallest residual of hypotheses as a bound of the noise.
+
+        Args:
+            decisions: on the hypotheses.
+            evaluation: the recordings of their evidence.
+        """
+        left = [rms(item.evidence.force) / rms(evaluation.weights) for item in decisions]
+        return replace(self, least=min([self.least, *left]))
 
     def evaluation(self, options: Options) -> EvaluationData:
         """Return the evaluation data.
@@ -244,7 +250,7 @@ class FitState:
         data_of_motions = held_out_data if self.held_out_motions else data
         weights = data_of_motions.weights
         floor = noise_floor(motions, self.current.model, data.noise, options.seed, weights)
-        gap = rms(weighted(residuals(self.current.model, motions), weights))
+        gap = weighted_rms(residuals(self.current.model, motions), weights)
         found = EvaluationData(
             self.fit_motions, motions, data, held_out_data, floor, gap, options.criteria, options.seed,
             self.hidden_by_encoder, self.recordings.references,

@@ -76,7 +76,7 @@ def sliding_residual(
     over_noise = min(
         rms([part]) / max(min(usual, floor), 1.0e-300) for part, usual, floor in zip(parts, typical, noise, strict=True)
     )
-    force, gap = rms([evaluated]), whole.rms / rms(whole.weights)
+    force = rms([evaluated])
     return SlidingResidual(
         force, over_noise, force > criteria.max_sliding_over_noise * typical[1],
         (
@@ -85,7 +85,7 @@ def sliding_residual(
                 criteria.max_sliding_over_noise,
             ),
             at_most(
-                "model", "share of the squared gap, where the contact slides fast", (force / gap) ** 2,
+                "model", "share of the squared gap, where the contact slides fast", (force / whole.rms) ** 2,
                 criteria.min_predictable_share,
             ),
         ),
@@ -99,4 +99,4 @@ def _noise(data: GapData, model: Model, motions: Sequence[Motion]) -> float:
     """
     fast = [at.astype(np.float64) for at in slides_fast(model, motions)]
     noise = data.diagnosis.final_state.setup.data.noise
-    return noise_floor(motions, model, noise, data.options.seed, fast) / rms(fast)
+    return noise_floor(motions, model, noise, data.options.seed, fast)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import (
@@ -16,7 +18,7 @@ from sgms_observer.diagnosis.evidence import (
 )
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.free_form import FreeForm
-from sgms_observer.diagnosis.gap import residuals, rms, weighted
+from sgms_observer.diagnosis.gap import residuals, weighted, weighted_rms
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.whitened import WhitenedData
@@ -64,7 +66,7 @@ class EvaluationData:
 
     def rms(self, model: Model) -> float:
         """Return the rms weighted residual of a model on ``motions`` [N]."""
-        return rms(weighted(residuals(model, self.motions), self.weights))
+        return weighted_rms(residuals(model, self.motions), self.weights)
 
     def closed_share(self, gain: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
@@ -87,8 +89,7 @@ class EvaluationData:
 
     def _closed_share(self, gain: Improvement, floor: float) -> float:
         """Return the share of the squared gap above a squared floor that an improvement closes."""
-        count = sum(len(motion.thinned(motion.time)) for motion in self.motions)
-        closable = (self.gap**2 - floor**2) * count
+        closable = (self.gap**2 - floor**2) * sum(float(np.sum(part**2)) for part in self.weights)
         return gain.decrease / closable if closable > 0.0 else 0.0
 
     def is_gap_closed(self, model: Model) -> bool:

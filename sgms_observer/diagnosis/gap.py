@@ -1,8 +1,9 @@
 """The gap: rms of measured minus modelled effort in one band, over the rms measured effort of the same samples.
 
 While the contact slides, its motion determines the friction. Where it sticks, or the encoder shows no motion, another
-contact law or a hidden reversal may change the friction by much more than the noise. Such samples count as much less as
-they are measured to scatter more, in the fit, in the evidence and in the gap.
+contact law or a hidden reversal may change the friction by much more than the noise. Such samples have a weight that
+falls with the measured scatter of the residual, in the fit, in the evidence and in the gap. An rms with weights is that
+of a sample of weight 1, so that it compares with any other.
 """
 
 from __future__ import annotations
@@ -86,12 +87,22 @@ def effort_rms(motions: Sequence[Motion], weights: Sequence[Floats]) -> float:
         motions: recordings.
         weights: of their samples in the gap.
     """
-    return rms(weighted([motion.low_pass(motion.effort) for motion in motions], weights))
+    return weighted_rms([motion.low_pass(motion.effort) for motion in motions], weights)
 
 
 def rms(parts: Sequence[Floats]) -> float:
     """Return the root of the mean square of all parts."""
     return float(np.sqrt(np.mean(np.square(np.concatenate(list(parts))))))
+
+
+def weighted_rms(parts: Sequence[Floats], weights: Sequence[Floats]) -> float:
+    """Return the root of the weighted mean square of all parts, sqrt(sum (w r)^2 / sum w^2).
+
+    Args:
+        parts: series of each motion [N].
+        weights: weights of each motion.
+    """
+    return rms(weighted(parts, weights)) / rms(weights)
 
 
 def interval(rest: WeightedResidual, criteria: Criteria, seed: int) -> tuple[float, float]:
@@ -111,7 +122,8 @@ def interval(rest: WeightedResidual, criteria: Criteria, seed: int) -> tuple[flo
     sums = np.concatenate(([0.0], np.cumsum(squares)))
     starts = rng.integers(0, max(1, len(squares) - length), size=(DRAWS, count))
     means = (sums[starts + length] - sums[starts]).sum(axis=1) / (count * length)
-    low, high = np.quantile(100.0 * np.sqrt(means) / effort_rms(rest.motions, rest.weights), [0.05, 0.95])
+    effort = effort_rms(rest.motions, rest.weights) * rms(rest.weights)
+    low, high = np.quantile(100.0 * np.sqrt(means) / effort, [0.05, 0.95])
     return float(low), float(high)
 
 
@@ -147,7 +159,7 @@ class WeightedResidual:
     @property
     def rms(self) -> float:
         """Return the rms weighted residual [N]."""
-        return rms(self.weighted)
+        return weighted_rms(self.residual, self.weights)
 
     def minus(self, predicted: Sequence[Floats]) -> WeightedResidual:
         """Return the residual minus ``predicted`` [N] of each recording."""
@@ -184,7 +196,7 @@ def noise_floor(
         rng = np.random.default_rng([seed, 79, number])
         for motion in motions:
             parts += residuals(model, [replicate_of(motion, model, largest_noise(noise), rng)])
-    return rms(weighted(parts, list(weights) * FLOOR_REPLICATES))
+    return weighted_rms(parts, list(weights) * FLOOR_REPLICATES)
 
 
 def halves(motion: Motion) -> tuple[Motion, Motion]:

@@ -34,7 +34,7 @@ from sgms_observer.diagnosis.diagnosis import (
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Freedom, Refit, RefitSetup
-from sgms_observer.diagnosis.gap import residuals, rms, weighted
+from sgms_observer.diagnosis.gap import residuals, weighted_rms
 from sgms_observer.diagnosis.instruments import Share, delay_in_response, is_shown, or_in_response
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import lowest_rate
@@ -219,9 +219,10 @@ def _share_beyond_rest(better: str, other: str, models: Mapping[str, Model], eva
     motions, weights = evaluation.motions, evaluation.weights
     if not (is_confusable_with_contact(better) or is_confusable_with_contact(other)):
         weights = tuple(fast.astype(np.float64) for fast in slides_fast(models[better], motions))
-    ours, theirs = (rms(weighted(residuals(models[key], motions), weights)) ** 2 for key in (better, other))
-    counted = rms(weights) ** 2
-    difference = max(theirs - ours, 0.0) / counted if counted > 0.0 else 0.0
+    if not any(np.any(part) for part in weights):
+        return 0.0
+    ours, theirs = (weighted_rms(residuals(models[key], motions), weights) ** 2 for key in (better, other))
+    difference = max(theirs - ours, 0.0)
     left = max(evaluation.rms(models[better]) ** 2 - evaluation.floor**2, 0.0)
     return difference / max(difference + left, 1.0e-300)
 

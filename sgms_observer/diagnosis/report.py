@@ -222,8 +222,8 @@ def _answer(answer: Answer, units: Units) -> Section:
         f" measured effort. With the file refitted within its tolerance it is {gap.before:.3g} % (90 % interval"
         f" {low:.3g} to {high:.3g} %), with the effects and changed values {gap.after:.3g} % ({least:.3g} to"
         f" {most:.3g} %)" + (f", and with learnt maps {answer.gap_with_learnt:.3g} %." if answer.learnt else "."),
-        "Samples at rest count as much less as they scatter more. If all counted alike, it would be"
-        f" {gap.unweighted_before:.3g} % and {gap.unweighted_after:.3g} %.",
+        "Samples at rest have a smaller weight where their residual scatters more than in motion. With equal weights"
+        f" the gap is {gap.unweighted_before:.3g} % before and {gap.unweighted_after:.3g} % after.",
     ]
     for item in answer.effects:
         entry = effect(item.settings.name)

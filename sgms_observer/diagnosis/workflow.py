@@ -419,7 +419,7 @@ def _search(
             for item in fitted if item.refit.cost < current.cost
         ]  # fmt: skip
         decisions.sort(key=lambda item: -item.improvement.decrease)
-        state = state.with_least_of(decisions)
+        state = state.with_least_of(decisions, evaluation)
         eligible = (has_effects_first and _passed_effects(decisions)) or decisions
         best = select_hypothesis(eligible, state.bounded(evaluation), listed)
         found = _with_best(found, state, Round(screen.screenings, tuple(decisions), None, {}), best, listed, options)

@@ -6,7 +6,7 @@ import numpy as np
 
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
+from sgms_observer.diagnosis.gap import noise_floor, residuals, weighted_rms
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.whitened import data_with_noise_of, data_with_own_noise
@@ -91,5 +91,5 @@ def evaluation_of(
     unseen = data_with_noise_of(held, data, truth)
     weights = unseen.weights if held else data.weights
     lowest = noise_floor(judge, truth, data.noise, 1, weights) if floor is None else floor
-    first = rms(weighted(residuals(Model.of(AXIS), judge), weights))
+    first = weighted_rms(residuals(Model.of(AXIS), judge), weights)
     return EvaluationData(tuple(learn), judge, data, unseen, lowest, first, Criteria(), 1)
