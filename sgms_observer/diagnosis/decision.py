@@ -25,9 +25,9 @@ from sgms_observer.diagnosis.model import HALF_A_REVERSAL, STRIBECK_VELOCITY, VI
 from sgms_observer.diagnosis.motion import HELD_LAG, lowest_rate
 from sgms_observer.diagnosis.noise import largest_noise
 from sgms_observer.diagnosis.ranges import plausible_range
-from sgms_observer.diagnosis.sliding import sliding_shares
+from sgms_observer.diagnosis.sliding import in_fast_sliding, share_beside_logarithmic_friction, sliding_shares
 from sgms_observer.diagnosis.whitened import data_with_noise_of, data_with_own_noise
-from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.catalogue import effect, is_inertial
 from sgms_observer.effects.effect import Place
 from sgms_observer.settings.axis import EffectSettings
 
@@ -191,8 +191,11 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
         if is_rival and not is_confusable_with_contact(item.name):
             tests.append(_test_while_sliding(item, before, earlier, later, evaluation))
         if not any(map(contradicts, tests)):  # the regression takes longer than all the other tests together
-            free = free_form_tests(item, before, gap, evaluation)
-            tests += [or_in_response(test, in_response, criteria) for test in free]
+            free = [
+                or_in_response(test, in_response, criteria) for test in free_form_tests(item, before, gap, evaluation)
+            ]
+            shown = [] if all(test.passed for test in free) else _shown_in_fast_sliding(item, before, evaluation)
+            tests += shown or free
             tests += hidden_contact_tests(item, before, evaluation)
     candidate = replace(item, refit=item.refit.without_jacobian())
     return Decision(candidate, later, gain, gap, tuple(tests))
@@ -423,6 +426,25 @@ def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluat
     without, with_it = (_fitted_and_evaluated(model, evaluation) for model in (before.model, item.refit.model))
     both = effect_and_map(item.name, without, with_it, over, criteria)
     return [against(both.left), both.added] if both and both.added.passed else [test]
+
+
+def _shown_in_fast_sliding(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:
+    """Return the test that an effect with the force of a mass shows in fast sliding; none if it does not.
+
+    A regression over the coordinates of a contact predicts what another contact law leaves better than any mass does.
+    While the contact slides fast, contact laws hardly differ.
+
+    Args:
+        item: the hypothesis.
+        before: fit without it.
+        evaluation: the recordings.
+    """
+    if not is_inertial(item.name):
+        return []
+    others, left = (_evaluated(one.model, evaluation) for one in (before, item.refit))
+    share = share_beside_logarithmic_friction(item.refit.model, others, left)
+    test = in_fast_sliding(item.name, share, evaluation.criteria)
+    return [test] if test.passed else []
 
 
 def hidden_contact_tests(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:

@@ -38,16 +38,14 @@ from sgms_observer.diagnosis.gap import residuals, weighted_rms
 from sgms_observer.diagnosis.instruments import Share, delay_in_response, is_shown, or_in_response
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import lowest_rate
-from sgms_observer.diagnosis.sliding import slides_fast, sliding_shares
+from sgms_observer.diagnosis.sliding import in_fast_sliding, slides_fast, sliding_shares
 from sgms_observer.diagnosis.sliding_force import total_force_logs
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 from sgms_observer.diagnosis.whitened import data_with_own_noise
-from sgms_observer.effects.catalogue import effect, is_contact_law
+from sgms_observer.effects.catalogue import effect, is_contact_law, is_inertial
 
 MASS_ERROR, ACTUATOR_GAIN = "mass_error", "actuator_gain"
 """Effects on values of the file."""
-INERTIAL = (MASS_ERROR, "flexible_mode")
-"""Effects whose force is that of a mass."""
 PLACING = ("pitch", "center", "width")
 """Parameters that place an effect along the stroke. A rest position does not: it is an offset over a stiffness."""
 
@@ -389,9 +387,8 @@ def _test_in_place_of_contact_law(name: str, closed: Closed, in_response: Share 
     test = at_least(name, title, closed.share_above_floor, criteria.min_imitable_share)
     if test.passed:
         return test
-    if name in INERTIAL:
-        title = "share of the squared residual beside logarithmic friction, where the contact slides fast"
-        return at_least(name, title, closed.share_in_fast_sliding, criteria.min_imitable_share)
+    if is_inertial(name):
+        return in_fast_sliding(name, closed.share_in_fast_sliding, criteria)
     return or_in_response(test, in_response, criteria)
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from sgms_observer.arrays import Booleans, Floats
-from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import blocks_of, preference
 from sgms_observer.diagnosis.gap import WeightedResidual
@@ -112,6 +112,18 @@ def preference_over_logarithmic_friction(
     fast = [at.astype(np.float64) for at in slides_fast(model, left.motions)]
     ours, theirs = (replace(one, weights=fast).blocks(criteria.block) for one in (left, rival))
     return preference(ours, theirs)
+
+
+def in_fast_sliding(name: str, share: float, criteria: Criteria) -> Test:
+    """Return the test that an effect closes more than it leaves where contact laws hardly differ.
+
+    Args:
+        name: the effect, whose force is that of a mass.
+        share: that it closes, see ``share_beside_logarithmic_friction``.
+        criteria: thresholds.
+    """
+    title = "share of the squared residual beside logarithmic friction, where the contact slides fast"
+    return at_least(name, title, share, criteria.min_imitable_share)
 
 
 def share_beside_logarithmic_friction(model: Model, others: WeightedResidual, left: WeightedResidual) -> float:

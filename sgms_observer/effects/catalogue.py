@@ -63,6 +63,15 @@ def is_drag(name: str) -> bool:
     return is_contact_law(name) and entry.place is Place.ADDED_FORCE and entry.coordinates == ("velocity",)
 
 
+def is_inertial(name: str) -> bool:
+    """Return whether the force of an effect is that of a mass, which is a force beside any contact.
+
+    Args:
+        name: the effect.
+    """
+    return name in ("mass_error", "flexible_mode")
+
+
 def is_built_in(name: str) -> bool:
     """Return whether an effect is the package's own.
 

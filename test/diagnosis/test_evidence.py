@@ -9,10 +9,12 @@ import pytest
 from sklearn.ensemble import HistGradientBoostingRegressor
 from workflow_case import AXIS, evaluation_of, record
 
+from sgms_observer.diagnosis import decision
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.coordinates import coordinates_of
 from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
 from sgms_observer.diagnosis.decision import (
+    FORM,
     decide,
     free_form_prediction,
     free_form_tests,
@@ -220,6 +222,25 @@ def test_a_name_is_earned_where_a_free_form_term_over_its_coordinates_does_no_be
         (test,) = free_form_tests(item, plain, closed, evaluation)
         assert test.passed == is_earned, (start.name, test.value)
         assert test.name == "share that is surely predicted better by a free-form term over position"
+
+
+@pytest.mark.parametrize(
+    ("hidden", "passes"), [(EffectSettings("mass_error", (2.0,)), True), (EffectSettings("spring", (40.0, 0.0)), False)]
+)
+def test_a_mass_is_judged_in_fast_sliding_where_the_contact_predicts_better(
+    hidden: EffectSettings, passes: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A regression over the coordinates of a contact describes the contact; a mass is a force beside it."""
+    refused = at_most(hidden.name, f"{FORM} over velocity", 0.6, CRITERIA.min_predictable_share)
+    monkeypatch.setattr(decision, "free_form_tests", lambda *_: [refused])
+    effects = (hidden, EffectSettings("stribeck", (0.6, 0.02)))
+    learn, held = moved(effects), moved(effects, seed=2)
+    evaluation = evaluation_of((learn,), MODEL.with_effects(effects), (held,))
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    plain, found = setup.fit(()), setup.fit((hidden,))
+    made = decide(Candidate(hidden.name, setup, found, 1), plain, evidence_of(plain, evaluation), evaluation)
+    assert [test for test in made.tests if not test.passed] == ([] if passes else [refused])
+    assert made.tests[-1].name.endswith("where the contact slides fast") == passes
 
 
 def test_a_hypothesis_that_fails_says_which_test_with_its_value() -> None:
