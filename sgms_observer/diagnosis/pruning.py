@@ -148,8 +148,9 @@ def compared(
         item: the round in which the effect was accepted.
         listed: effects of the file.
         options: options of the diagnosis.
-        has_place: whether the accepted effect keeps its place among equals, as long as effects may be missing; without
-            it the better prediction decides.
+        has_place: whether the accepted effect keeps its place among equals, as long as effects may be missing. Without
+            it the better prediction decides, except against a rival that predicted significantly worse before: what
+            was accepted later may imitate the difference.
 
     Returns:
         The state and the round, with the comparisons of the effect that has the place.
@@ -196,7 +197,8 @@ def compared(
         return z_score(best, key) <= most or (key in listed and not comparison(best, key).passed)
 
     equal = {key: one for key, one in decisions.items() if one.passed and is_equal(key)}
-    start = equal.get(name, decisions[best]) if has_place else decisions[best]
+    keeps_place = has_place or (best in item.comparisons and item.comparisons[best].passed)
+    start = equal.get(name, decisions[best]) if keeps_place else decisions[best]
     first = preferred(start, list(equal.values()), listed)
     best = first.candidate.name
     tests = {key: comparison(best, key) for key in decisions if key != best}

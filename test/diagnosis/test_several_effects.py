@@ -12,7 +12,7 @@ from workflow_case import AXIS, evaluation_of, record
 from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE, Candidate, finish_fit
-from sgms_observer.diagnosis.criteria import Criteria, at_most
+from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
 from sgms_observer.diagnosis.decision import decide
 from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
@@ -112,6 +112,18 @@ def test_a_rival_that_predicts_better_beside_the_later_effects_takes_the_place(
     other = {"offset": "asymmetric_coulomb", "asymmetric_coulomb": "offset"}[first]
     [(name, test)] = rounds[0].comparisons.items()
     assert (name, test.value, test.passed) == (other, abs(z_score), abs(z_score) >= Criteria().min_z_score)
+
+
+@pytest.mark.parametrize("z_score, first", [(-1.0, "offset"), (-10.0, "asymmetric_coulomb")])
+def test_a_rival_that_was_surely_worse_takes_the_place_only_where_it_is_surely_better(
+    search: Search, z_score: float, first: str
+) -> None:
+    """What was accepted later imitates the difference: changed elements beside a wrong mass, that of a gain."""
+    before, *others = search.rounds
+    sure = {name: at_least(name, "z-score", 10.0, 3.0) for name in before.comparisons}
+    rounds = (replace(before, comparisons=sure), *others)
+    _, rounds = compared(z_score, search.state, rounds, [], OPTIONS)
+    assert [item.name for item in accepted_candidates(rounds)] == [first, "spring"]
 
 
 def test_a_diagnosis_goes_on_with_the_rival_that_took_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
