@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
-from sgms_observer.diagnosis.gap import residuals, rms
+from sgms_observer.diagnosis.gap import residuals, weighted_rms
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.named import Named
 from sgms_observer.effects.catalogue import effect
@@ -34,11 +34,10 @@ def detectable(diagnosis: Diagnosis, axis: AxisSettings, options: Options) -> di
     sizes = {"mass_error": options.tolerance, "actuator_gain": options.tolerance}
     if not diagnosis.rounds:
         return sizes
-    count = len(diagnosis.final_state.current.residual)
-    left = (
-        rms(residuals(diagnosis.final_state.current.model, diagnosis.final_state.fit_motions))
-        / axis.friction.coulomb_force
-    )
+    state = diagnosis.final_state
+    count = len(state.current.residual)
+    rest = residuals(state.current.model, state.fit_motions)
+    left = weighted_rms(rest, state.setup.data.weights) / axis.friction.coulomb_force
     for name, screening in diagnosis.rounds[0].screenings.items():
         if name in sizes or screening.trials == 0:
             continue

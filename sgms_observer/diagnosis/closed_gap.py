@@ -12,7 +12,7 @@ from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, RefitSetup
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.sliding import share_beside_logarithmic_friction
+from sgms_observer.diagnosis.sliding import improvement_in_fast_sliding
 from sgms_observer.effects.catalogue import is_contact_law
 from sgms_observer.settings.axis import EffectSettings
 
@@ -98,12 +98,14 @@ class ClosedGap:
         """Return what a model closes of the gap of another one."""
         evaluation = self.evaluation
         motions, block = evaluation.motions, evaluation.criteria.block
-        left = [WeightedResidual(motions, residuals(one, motions), evaluation.weights) for one in (others, with_it)]
-        gap = improvement(*(rest.blocks(block) for rest in left))
+        before, after = (
+            WeightedResidual(motions, residuals(one, motions), evaluation.weights) for one in (others, with_it)
+        )
+        gap = improvement(before.blocks(block), after.blocks(block))
         without = replace(evaluation, gap=evaluation.rms(others))
         return Closed(
             z_score=gap.z_score,
             share=without.closed_share(gap),
             share_above_floor=without.closed_share_above_floor(gap),
-            share_in_fast_sliding=share_beside_logarithmic_friction(with_it, *left),
+            share_in_fast_sliding=improvement_in_fast_sliding(with_it, before, after, evaluation.criteria).share,
         )

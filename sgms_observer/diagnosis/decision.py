@@ -25,7 +25,7 @@ from sgms_observer.diagnosis.model import HALF_A_REVERSAL, STRIBECK_VELOCITY, VI
 from sgms_observer.diagnosis.motion import HELD_LAG, lowest_rate
 from sgms_observer.diagnosis.noise import largest_noise
 from sgms_observer.diagnosis.ranges import plausible_range
-from sgms_observer.diagnosis.sliding import in_fast_sliding, share_beside_logarithmic_friction, sliding_shares
+from sgms_observer.diagnosis.sliding import improvement_in_fast_sliding, in_fast_sliding, sliding_shares
 from sgms_observer.diagnosis.whitened import data_with_noise_of, data_with_own_noise
 from sgms_observer.effects.catalogue import effect, is_inertial
 from sgms_observer.effects.effect import Place
@@ -429,7 +429,7 @@ def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluat
 
 
 def _shown_in_fast_sliding(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:
-    """Return the test that an effect with the force of a mass shows in fast sliding; none if it does not.
+    """Return the test that an effect with the force of a mass shows in fast sliding; none if it does not surely.
 
     A regression over the coordinates of a contact predicts what another contact law leaves better than any mass does.
     While the contact slides fast, contact laws hardly differ.
@@ -442,9 +442,9 @@ def _shown_in_fast_sliding(item: Candidate, before: Refit, evaluation: Evaluatio
     if not is_inertial(item.name):
         return []
     others, left = (_evaluated(one.model, evaluation) for one in (before, item.refit))
-    share = share_beside_logarithmic_friction(item.refit.model, others, left)
-    test = in_fast_sliding(item.name, share, evaluation.criteria)
-    return [test] if test.passed else []
+    gain = improvement_in_fast_sliding(item.refit.model, others, left, evaluation.criteria)
+    test = in_fast_sliding(item.name, gain.share, evaluation.criteria)
+    return [test] if test.passed and gain.z_score > evaluation.criteria.min_z_score else []
 
 
 def hidden_contact_tests(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:

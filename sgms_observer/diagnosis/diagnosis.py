@@ -271,12 +271,14 @@ class Round:
         decisions: decisions on the hypotheses with a final fit, the best predicting first.
         accepted: the accepted decision, or None.
         comparisons: test that it predicts better than each rival, by the rival's name.
+        worse: rivals that predicted significantly worse when it was accepted.
     """
 
     screenings: dict[str, Screening]
     decisions: tuple[Decision, ...]
     accepted: Decision | None
     comparisons: Mapping[str, Test]
+    worse: frozenset[str] = frozenset()
 
     @property
     def alternatives(self) -> tuple[str, ...]:

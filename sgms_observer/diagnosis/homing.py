@@ -129,7 +129,7 @@ def position_shifts(model: Model, evaluation: EvaluationData) -> tuple[Shift, ..
         return ()
     for place, (motion, weights) in enumerate(zip(evaluation.motions, evaluation.weights, strict=True)):
         here = weights * motion.low_pass(predict(model, motion).residual)
-        closable = float(here @ here) - evaluation.floor**2 * len(here)
+        closable = float(here @ here) - evaluation.floor**2 * float(weights @ weights)
         if closable <= 0.0:
             continue
         offset = _refined(model, motion, position_offset(model, motion), pitch / OFFSETS_PER_PITCH)

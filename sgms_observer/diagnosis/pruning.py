@@ -115,7 +115,7 @@ def compared_again(
 
     In its own round the later effects were still in the residual, where they hide differences and make others. Nothing
     was accepted after the last one: it is compared again only where a rival predicted better. Now among equals the
-    better prediction decides.
+    better prediction decides, see ``compared``.
 
     Args:
         state: state with everything that was accepted.
@@ -149,8 +149,8 @@ def compared(
         listed: effects of the file.
         options: options of the diagnosis.
         has_place: whether the accepted effect keeps its place among equals, as long as effects may be missing. Without
-            it the better prediction decides, except against a rival that predicted significantly worse before: what
-            was accepted later may imitate the difference.
+            it the better prediction decides. A rival that predicted significantly worse when the effect was accepted
+            then takes no place among equals: what was accepted later may imitate the difference.
 
     Returns:
         The state and the round, with the comparisons of the effect that has the place.
@@ -178,9 +178,13 @@ def compared(
             pair = pair[0].weighted(shares), pair[1].weighted(shares)
         return z_score_between(*pair, options.criteria)
 
+    worse = frozenset() if has_place else item.worse - {*listed}
+    may_replace = [
+        rival for rival, one in rivals.items() if one.passed and (rival not in worse or z_score(rival, name) > most)
+    ]
     best = name
-    for rival in rivals:
-        best = rival if rivals[rival].passed and z_score(rival, best) > 0.0 else best
+    for rival in may_replace:
+        best = rival if z_score(rival, best) > 0.0 else best
     models = {key: one.current.model for key, one in states.items()}
 
     def comparison(one: str, other: str) -> Test:
@@ -196,14 +200,17 @@ def compared(
     def is_equal(key: str) -> bool:
         return z_score(best, key) <= most or (key in listed and not comparison(best, key).passed)
 
-    equal = {key: one for key, one in decisions.items() if one.passed and is_equal(key)}
-    keeps_place = has_place or (best in item.comparisons and item.comparisons[best].passed)
-    start = equal.get(name, decisions[best]) if keeps_place else decisions[best]
+    equal = {key: decisions[key] for key in (name, *may_replace) if decisions[key].passed and is_equal(key)}
+    start = equal.get(name, decisions[best]) if has_place else decisions[best]
     first = preferred(start, list(equal.values()), listed)
     best = first.candidate.name
     tests = {key: comparison(best, key) for key in decisions if key != best}
     if best != name:
         state = states[best].refitted(states[best].current)
+    if has_place:
+        item = replace(item, worse=frozenset(key for key, test in tests.items() if test.passed))
+    elif best != name:
+        item = replace(item, worse=frozenset())
     return state, replace(item, accepted=first, comparisons=tests)
 
 

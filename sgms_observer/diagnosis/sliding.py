@@ -14,7 +14,7 @@ import numpy as np
 from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.evidence import blocks_of, preference
+from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement, preference
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
@@ -119,15 +119,17 @@ def in_fast_sliding(name: str, share: float, criteria: Criteria) -> Test:
 
     Args:
         name: the effect, whose force is that of a mass.
-        share: that it closes, see ``share_beside_logarithmic_friction``.
+        share: that it closes, see ``improvement_in_fast_sliding``.
         criteria: thresholds.
     """
     title = "share of the squared residual beside logarithmic friction, where the contact slides fast"
     return at_least(name, title, share, criteria.min_imitable_share)
 
 
-def share_beside_logarithmic_friction(model: Model, others: WeightedResidual, left: WeightedResidual) -> float:
-    """Return the share of the squared residual that is closed while the contact slides fast.
+def improvement_in_fast_sliding(
+    model: Model, others: WeightedResidual, left: WeightedResidual, criteria: Criteria
+) -> Improvement:
+    """Return the improvement by an effect while the contact slides fast.
 
     No contact law leaves more there than a logarithmic friction (see above): what is left after the best one, fitted to
     either residual, is not of a contact.
@@ -136,13 +138,20 @@ def share_beside_logarithmic_friction(model: Model, others: WeightedResidual, le
         model: simulates the contact.
         others: residual without the effect in question.
         left: residual with it, in the same recordings.
+        criteria: length of a block.
 
     Returns:
-        1 if all is closed; 0 where the contact does not slide.
+        No improvement where the contact slides fast for less than two blocks.
     """
     fast = slides_fast(model, left.motions)
-    before, after = (_squared_beside_logarithmic_friction(rest, fast) for rest in (others, left))
-    return 1.0 - after / before if before > 0.0 else 0.0
+    if sum(map(np.count_nonzero, fast)) * left.motions[0].residual_period < 2.0 * criteria.block:
+        return Improvement(0.0, 0.0, 0.0)
+    weights = [at.astype(np.float64) for at in fast]
+    before, after = (
+        replace(_left_by_logarithmic_friction(rest, fast), weights=weights).blocks(criteria.block)
+        for rest in (others, left)
+    )
+    return improvement(before, after)
 
 
 def left_by_logarithmic_friction(rest: WeightedResidual, model: Model) -> WeightedResidual:
@@ -158,12 +167,6 @@ def left_by_logarithmic_friction(rest: WeightedResidual, model: Model) -> Weight
 def _left_by_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Booleans]) -> WeightedResidual:
     strengths = _fitted_logarithmic_friction(rest, fast)
     return rest.minus([_along(motion) @ strengths for motion in rest.motions])
-
-
-def _squared_beside_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Booleans]) -> float:
-    """Return the sum of the squared residual after the best logarithmic friction where the contact slides fast."""
-    remaining = _left_by_logarithmic_friction(rest, fast)
-    return float(sum(np.sum(part[at] ** 2) for part, at in zip(remaining.residual, fast, strict=True)))
 
 
 def _fitted_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Booleans]) -> Floats:

@@ -260,7 +260,7 @@ def test_an_abort_leaves_no_force_a_page_and_a_folder_to_go_on_with(
 
 
 def test_after_a_stop_between_two_steps_the_page_is_written_again(way: Run) -> None:
-    """Ctrl-C at the end of the diagnosis: no step failed, and the rerun kept the page of the first run."""
+    """Ctrl-C at the end of the diagnosis. It is noted at the next step, where the rerun begins."""
     session = way.session()
 
     def stop(sentence: str) -> None:
@@ -271,7 +271,8 @@ def test_after_a_stop_between_two_steps_the_page_is_written_again(way: Run) -> N
     with pytest.raises(KeyboardInterrupt):
         commission(session, nullcontext())
     first = (way.out / REPORT).read_text()
-    assert way.states()["report"] == DONE and FAILED not in way.states().values()
+    assert [name for name, state in way.states().items() if state == FAILED] == ["next_experiment"]
+    assert way.states()["report"] == DONE and "step next_experiment failed: interrupted by the user" in first
     way.whole()
     assert list(way.states()) == NAMES and way.states()["report"] == DONE
     assert (way.out / REPORT).read_text() != first

@@ -47,6 +47,14 @@ def test_a_recording_that_counts_from_elsewhere_is_told_and_a_homed_one_is_not()
     assert position_shifts(RIPPLED, evaluation(LACKS, is_unseen=False)) == ()
 
 
+def test_the_scale_of_the_weights_does_not_count() -> None:
+    found = evaluation(LACKS)
+    low = tuple(0.01 * part for part in found.weights)
+    low_data = replace(found.held_out_data, weights=low)
+    (shift,) = position_shifts(RIPPLED, replace(found, held_out_data=low_data))
+    assert shift.offset == pytest.approx(LACKS, abs=0.1 * PITCH / OFFSETS_PER_PITCH)
+
+
 @pytest.mark.parametrize("lacks", [0.0, LACKS])
 def test_a_ripple_has_its_name_where_the_held_out_recording_counts_from_elsewhere(
     lacks: float, monkeypatch: pytest.MonkeyPatch

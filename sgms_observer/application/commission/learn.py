@@ -228,7 +228,7 @@ def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
 def unexplained(bag: str, axes: Sequence[AxisSettings]) -> list[float]:
     """Return the gaps of models: rms of measured minus modelled effort over the rms effort of a recording.
 
-    All have the same weights, of each sample the smallest one that a model gives it.
+    All have the same weights: for each sample the smallest one that any of the models gives it.
 
     Args:
         bag: the recording.

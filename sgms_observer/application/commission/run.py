@@ -14,6 +14,8 @@ from sgms_observer.application.commission.session import OutOfTime, Session
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import obey_interrupt
 
+INTERRUPTED = "interrupted by the user; start again to go on from here"
+"""Sentence of a step that Ctrl-C stopped, or that would have been next."""
 STOPPED_AFTER = "stopped_after"
 """Fact: run time of each step that --time stopped [s]; it is not started again with less time."""
 
@@ -62,12 +64,12 @@ def commission(session: Session, graph: AbstractContextManager[object]) -> Ledge
         KeyboardInterrupt: the user stopped it; a rerun continues.
     """
     *steps, report = STEPS
-    if not all(session.ledger.is_finished(step.name) for step in steps):
-        session.ledger.begin(report.name)  # a run that is stopped between two steps leaves a finished page
     try:
         with graph:
             _do(session, steps)
-    except BaseException:
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            _note_interrupt(session.ledger, steps)
         with suppress(Exception):  # the first error is the one to report
             _do(session, [report])
         raise
@@ -115,13 +117,23 @@ def _do(session: Session, steps: Sequence[StepWork]) -> None:
     ledger.write()
 
 
+def _note_interrupt(ledger: Ledger, steps: Sequence[StepWork]) -> None:
+    """Note an interrupt between two steps at the next one: there a rerun begins, and writes the page again."""
+    obey_interrupt()
+    if any(step.state == FAILED for step in ledger.steps.values()):
+        return
+    unfinished = [step.name for step in steps if not ledger.is_finished(step.name)]
+    if unfinished:
+        ledger.note(unfinished[0], FAILED, 0.0, INTERRUPTED)
+
+
 def _state_and_sentence(error: BaseException) -> tuple[str, str]:
     """Return state and sentence of a stopped step."""
     if isinstance(error, OutOfTime):
         return SKIPPED, str(error)
     if isinstance(error, KeyboardInterrupt):
         obey_interrupt()
-        return FAILED, "interrupted by the user; start again to go on from here"
+        return FAILED, INTERRUPTED
     if isinstance(error, SgmsError):
         return FAILED, str(error)
     return FAILED, f"Internal error, {type(error).__name__}: {error}"
