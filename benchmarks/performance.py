@@ -16,7 +16,7 @@ from sgms_observer.cli.main import main
 ROOT = Path(__file__).resolve().parent.parent
 FULL = [
     "bench", "--cold", "--live-seconds", "60", "--replay-seconds", "60",
-    "--json", str(ROOT / "benchmarks" / "performance.json"), "--out", str(ROOT / "docs" / "images"),
+    "--json", str(ROOT / "benchmarks" / "performance.json"), "--out", str(ROOT / "docs" / "images"), "--overwrite",
 ]  # fmt: skip
 
 if __name__ == "__main__":
