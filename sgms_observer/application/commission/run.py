@@ -14,8 +14,6 @@ from sgms_observer.application.commission.session import OutOfTime, Session
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import obey_interrupt
 
-INTERRUPTED = "interrupted by the user; start again to go on from here"
-"""Sentence of a step that Ctrl-C stopped, or that would have been next."""
 STOPPED_AFTER = "stopped_after"
 """Fact: run time of each step that --time stopped [s]; it is not started again with less time."""
 
@@ -69,7 +67,7 @@ def commission(session: Session, graph: AbstractContextManager[object]) -> Ledge
             _do(session, steps)
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt):
-            _note_interrupt(session.ledger, steps)
+            _note_interrupt(session.ledger, steps, error)
         with suppress(Exception):  # the first error is the one to report
             _do(session, [report])
         raise
@@ -117,14 +115,12 @@ def _do(session: Session, steps: Sequence[StepWork]) -> None:
     ledger.write()
 
 
-def _note_interrupt(ledger: Ledger, steps: Sequence[StepWork]) -> None:
+def _note_interrupt(ledger: Ledger, steps: Sequence[StepWork], error: KeyboardInterrupt) -> None:
     """Note an interrupt between two steps at the next one: there a rerun begins, and writes the page again."""
-    obey_interrupt()
-    if any(step.state == FAILED for step in ledger.steps.values()):
-        return
+    state, sentence = _state_and_sentence(error)
     unfinished = [step.name for step in steps if not ledger.is_finished(step.name)]
-    if unfinished:
-        ledger.note(unfinished[0], FAILED, 0.0, INTERRUPTED)
+    if unfinished and not any(step.state == FAILED for step in ledger.steps.values()):
+        ledger.note(unfinished[0], state, 0.0, sentence)
 
 
 def _state_and_sentence(error: BaseException) -> tuple[str, str]:
@@ -133,7 +129,7 @@ def _state_and_sentence(error: BaseException) -> tuple[str, str]:
         return SKIPPED, str(error)
     if isinstance(error, KeyboardInterrupt):
         obey_interrupt()
-        return FAILED, INTERRUPTED
+        return FAILED, "interrupted by the user; start again to go on from here"
     if isinstance(error, SgmsError):
         return FAILED, str(error)
     return FAILED, f"Internal error, {type(error).__name__}: {error}"
