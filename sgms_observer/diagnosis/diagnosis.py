@@ -271,7 +271,7 @@ class Round:
         decisions: decisions on the hypotheses with a final fit, the best predicting first.
         accepted: the accepted decision, or None.
         comparisons: test that it predicts better than each rival, by the rival's name.
-        worse: rivals that predicted significantly worse when it was accepted.
+        worse: rivals that predicted significantly worse when it got the place.
     """
 
     screenings: dict[str, Screening]

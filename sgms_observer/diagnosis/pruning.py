@@ -178,13 +178,6 @@ def compared(
             pair = pair[0].weighted(shares), pair[1].weighted(shares)
         return z_score_between(*pair, options.criteria)
 
-    worse = frozenset() if has_place else item.worse - {*listed}
-    may_replace = [
-        rival for rival, one in rivals.items() if one.passed and (rival not in worse or z_score(rival, name) > most)
-    ]
-    best = name
-    for rival in may_replace:
-        best = rival if z_score(rival, best) > 0.0 else best
     models = {key: one.current.model for key, one in states.items()}
 
     def comparison(one: str, other: str) -> Test:
@@ -197,6 +190,15 @@ def compared(
                 return at_least(one, title, share, least)
         return compare(one, other, value, options.criteria)
 
+    was_worse = frozenset() if has_place else item.worse
+    may_replace = [
+        rival for rival, one in rivals.items()
+        if one.passed and (rival not in was_worse or comparison(rival, name).passed)
+    ]  # fmt: skip
+    best = name
+    for rival in may_replace:
+        best = rival if z_score(rival, best) > 0.0 else best
+
     def is_equal(key: str) -> bool:
         return z_score(best, key) <= most or (key in listed and not comparison(best, key).passed)
 
@@ -207,10 +209,8 @@ def compared(
     tests = {key: comparison(best, key) for key in decisions if key != best}
     if best != name:
         state = states[best].refitted(states[best].current)
-    if has_place:
+    if has_place or best != name:
         item = replace(item, worse=frozenset(key for key, test in tests.items() if test.passed))
-    elif best != name:
-        item = replace(item, worse=frozenset())
     return state, replace(item, accepted=first, comparisons=tests)
 
 

@@ -11,8 +11,8 @@ import math
 import shutil
 import sys
 import time
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -276,6 +276,37 @@ def test_after_a_stop_between_two_steps_the_page_is_written_again(way: Run) -> N
     way.whole()
     assert list(way.states()) == NAMES and way.states()["report"] == DONE
     assert (way.out / REPORT).read_text() != first
+
+
+def test_a_rerun_that_is_stopped_before_it_did_anything_changes_nothing(way: Run) -> None:
+    """A file of a step was taken away. Ctrl-C comes before that step begins again."""
+    result = way.whole()
+    (way.out / "commissioned.yaml").unlink()
+    session, stops = way.session(), [KeyboardInterrupt()]
+
+    def stop(_: str) -> None:
+        if stops:
+            raise stops.pop()
+
+    session.say = stop
+    with pytest.raises(KeyboardInterrupt):
+        commission(session, nullcontext())
+    after = way.result()
+    assert [step["sentence"] for step in after.pop("steps")] == [step["sentence"] for step in result.pop("steps")]
+    assert after == result and after["usable"] is True
+
+
+def test_after_a_graph_that_was_not_joined_the_page_is_written_again(way: Run) -> None:
+    @contextmanager
+    def no_graph() -> Iterator[object]:
+        raise RecordingError("no graph")
+        yield
+
+    with pytest.raises(RecordingError, match="no graph"):
+        commission(way.session(), no_graph())
+    first = (way.out / REPORT).read_text()
+    way.whole()
+    assert list(way.states()) == NAMES and (way.out / REPORT).read_text() != first
 
 
 @pytest.mark.parametrize("step", ["check", "compensate", "before_and_after"])

@@ -156,7 +156,7 @@ class Ledger:
         return all((self.folder / file).exists() for file in step.files)
 
     def begin(self, name: str) -> None:
-        """Remove a step, the steps after it and their results, before it is done again."""
+        """Remove a step, the steps after it, their results and the page, before the step is done again."""
         names = list(self.steps)
         for dropped in names[names.index(name) :] if name in names else []:
             del self.steps[dropped]
@@ -171,6 +171,7 @@ class Ledger:
             elif dropped == "before_and_after":
                 self.tracking, self.is_usable = {}, False
                 self.facts.pop(SHORTFALL, None)
+        self.steps.pop("report", None)
         self.write()
 
     def note(

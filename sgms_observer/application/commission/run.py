@@ -66,9 +66,9 @@ def commission(session: Session, graph: AbstractContextManager[object]) -> Ledge
         with graph:
             _do(session, steps)
     except BaseException as error:
-        if isinstance(error, KeyboardInterrupt):
-            _note_interrupt(session.ledger, steps, error)
         with suppress(Exception):  # the first error is the one to report
+            if isinstance(error, KeyboardInterrupt):
+                _note_interrupt(session.ledger, steps, error)
             _do(session, [report])
         raise
     _do(session, [report])
@@ -116,10 +116,10 @@ def _do(session: Session, steps: Sequence[StepWork]) -> None:
 
 
 def _note_interrupt(ledger: Ledger, steps: Sequence[StepWork], error: KeyboardInterrupt) -> None:
-    """Note an interrupt between two steps at the next one: there a rerun begins, and writes the page again."""
+    """Note an interrupt between two steps at the next one, where a rerun begins."""
     state, sentence = _state_and_sentence(error)
     unfinished = [step.name for step in steps if not ledger.is_finished(step.name)]
-    if unfinished and not any(step.state == FAILED for step in ledger.steps.values()):
+    if unfinished and unfinished[0] not in ledger.steps:
         ledger.note(unfinished[0], state, 0.0, sentence)
 
 
