@@ -69,7 +69,7 @@ def is_inertial(name: str) -> bool:
     Args:
         name: the effect.
     """
-    return name in ("mass_error", "flexible_mode")
+    return effect(name).added_mass != 0.0
 
 
 def is_built_in(name: str) -> bool:
