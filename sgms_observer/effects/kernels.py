@@ -193,16 +193,27 @@ def effort_block(kinds: Any, p_at: Any, s_at: Any, parameters: Any, state: Any, 
 
 @njit
 def command_block(kinds: Any, p_at: Any, parameters: Any, force: Any, command: Any) -> None:
-    """``needed_command`` over a block; writes ``command``."""
-    for k in range(force.shape[0]):
-        command[k] = needed_command(kinds, p_at, parameters, force[k])
+    """``needed_command`` over a block, one effect after the other; writes ``command``."""
+    command[:] = force
+    for i in range(kinds.shape[0] - 1, -1, -1):
+        p = parameters[p_at[i] : p_at[i + 1]]
+        for k in range(force.shape[0]):
+            command[k] = needed_effect(kinds[i], p, command[k])
 
 
 @njit
 def position_block(kinds: Any, p_at: Any, parameters: Any, q: Any, is_correction: bool, result: Any) -> None:
-    """``measured_position`` or, for a correction, ``corrected_position`` over a block; writes ``result``."""
-    for k in range(q.shape[0]):
-        if is_correction:
-            result[k] = corrected_position(kinds, p_at, parameters, q[k])
-        else:
-            result[k] = measured_position(kinds, p_at, parameters, q[k])
+    """``measured_position`` or, for a correction, ``corrected_position`` over a block, one effect after the other.
+
+    Writes ``result``.
+    """
+    result[:] = q
+    count = kinds.shape[0]
+    for number in range(count):
+        i = count - 1 - number if is_correction else number
+        p = parameters[p_at[i] : p_at[i + 1]]
+        for k in range(q.shape[0]):
+            if is_correction:
+                result[k] = position_correction(kinds[i], p, result[k])
+            else:
+                result[k] = position_effect(kinds[i], p, result[k])
