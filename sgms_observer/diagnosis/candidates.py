@@ -160,7 +160,7 @@ def fitted_candidates(
     ]
     always = (*ABSORBED_BY_NOMINAL, *sorted(setup.held_effects))
     promising += [name for name in always if name in screenings and name not in promising]
-    jobs = [start for name in promising for start in screen.starts(name)]
+    jobs = [start for name in promising for start in screen.starts(name, has_trial=name in ABSORBED_BY_NOMINAL)]
 
     def first(start: EffectSettings) -> Refit:
         return first_fit(with_free_effect(setup, start.name), before, start, screen.nominal_columns)

@@ -164,11 +164,15 @@ class Screen:
         """Return the residual projected onto the complement of the nominal columns."""
         return self.without_nominal(self.residual, self._prior_residual)
 
+    def _shapes(self, name: str) -> list[search.Shape]:
+        """Return the shapes of an effect that the recordings can show."""
+        return search.shapes(name, self.data.motions, self.model)
+
     def _screened(self, name: str) -> Screening:
         """Return the screening of one effect, with one shape in memory at a time."""
         if name == PERIODIC_DISTURBANCE:
             return self._strongest_sine()
-        shapes = search.shapes(name, self.data.motions, self.model)
+        shapes = self._shapes(name)
         step = NORM_STEP if name in SINES_OF_POSITION and len(shapes) > MANY_SHAPES else 1
         found, norms, shares = self._computed(name, shapes[::step])
         if step > 1 and any(norms):
@@ -265,11 +269,16 @@ class Screen:
         raw = linalg.block_diag(*(np.column_stack(parts) for parts in zip(*sides, strict=True)))
         return self._orthonormal(search.Shape(PERIODIC_DISTURBANCE, pair.bases * count, combine), raw)
 
-    def starts(self, name: str) -> list[EffectSettings]:
-        """Return the starts of a fit: the best shape, and a clearly different one that is nearly as good."""
+    def starts(self, name: str, has_trial: bool = False) -> list[EffectSettings]:
+        """Return the starts of a fit: the best shape, and a clearly different one that is nearly as good.
+
+        Args:
+            name: the effect.
+            has_trial: whether there is a start, at the strength of the columns, where no shape reduces the residual.
+        """
         listed = self.screenings[name].best
         if not listed:
-            return []
+            return [shape.columns()[0] for shape in self._shapes(name)[:1]] if has_trial else []
         largest, first = listed[0]
         found = [first.start(self._left)]
         for reduction, item in listed[1:]:

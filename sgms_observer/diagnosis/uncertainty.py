@@ -125,7 +125,9 @@ class RecordingEstimates:
         return min(z_score_of_fit, float(np.sign(strengths[0]) * (weights @ strengths[shows]) / np.sqrt(weights.sum())))
 
     def strength_over_scatter(self, column: int, null: float) -> float:
-        """Return the strength of the fit over its standard deviation in another recording.
+        """Return the mean strength of all recordings over its standard error and its deviation between recordings.
+
+        One recording may not determine a size that all of them together determine well.
 
         Args:
             column: of the parameter.
@@ -135,7 +137,12 @@ class RecordingEstimates:
             Infinite if the fit has no error of the parameter.
         """
         values, errors = self.values[:, column], self.errors[:, column]
-        return self.size_over(column, null, math.hypot(errors[0], math.sqrt(between_variance(values, errors))))
+        if errors[0] <= 0.0:
+            return math.inf
+        counts = np.isfinite(errors) & (errors > 0.0)
+        weights = 1.0 / errors[counts] ** 2
+        mean = float(weights @ (values[counts] - null)) / float(weights.sum())
+        return abs(mean) / math.sqrt(1.0 / float(weights.sum()) + between_variance(values, errors))
 
     def size_over(self, column: int, null: float, deviation: float) -> float:
         """Return the strength of the fit over a deviation; infinite if the fit has no error of the parameter.

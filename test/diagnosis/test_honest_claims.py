@@ -23,6 +23,7 @@ from sgms_observer.diagnosis.pruning import (
     without_redundant_effects,
 )
 from sgms_observer.diagnosis.screen import Screen
+from sgms_observer.diagnosis.search import TRIAL_SHARE
 from sgms_observer.diagnosis.sliding_force import start_logs
 from sgms_observer.diagnosis.uncertainty import (
     RecordingEstimates,
@@ -96,6 +97,19 @@ def test_a_missing_element_starts_with_the_level_as_it_is() -> None:
     moved = start_logs(logs, MODEL, EffectSettings("presliding", (0.8, 1e-4)))
     assert np.exp(moved[COULOMB]) == pytest.approx(0.8) and np.exp(moved[STATIC]) == pytest.approx(0.84)
     assert np.array_equal(start_logs(logs, MODEL, OFFSET), logs)
+
+
+def test_the_screening_does_not_exclude_a_dead_zone_which_the_coulomb_force_absorbs() -> None:
+    """The residual of a file that has absorbed it may look like a dead zone of the other sign, which there is not."""
+    motion = motion_of(record(duration=8.0))
+    model = MODEL.with_effects([EffectSettings("actuator_dead_zone", (0.6,))])
+    data = data_with_own_noise((motion,), model)
+    found = refit(data, model, 0.05)
+    screen = Screen(data, found, 0.05, Freedom(), ("actuator_dead_zone", "spring"))
+    assert screen.screenings["actuator_dead_zone"].chi2_reduction == 0.0 and not screen.starts("actuator_dead_zone")
+    (start,) = screen.starts("actuator_dead_zone", has_trial=True)
+    assert start.values[0] == pytest.approx(TRIAL_SHARE * found.model.friction.coulomb_force)
+    assert screen.starts("spring", has_trial=True) == screen.starts("spring"), "a shape that reduces the residual"
 
 
 def test_a_fit_from_far_too_strong_a_start_does_not_end_worse_than_without_the_effect() -> None:
@@ -281,10 +295,14 @@ def test_a_strength_counts_as_far_as_recordings_agree_on_it() -> None:
         return estimates(*pairs).strength_over_scatter(0, default)
 
     assert over_scatter((0.6, 0.05)) == pytest.approx(12.0)
-    assert over_scatter((0.6, 0.05), (0.58, 0.05), (0.62, 0.05)) == pytest.approx(12.0), "within their errors"
+    assert over_scatter((0.6, 0.05), (0.58, 0.05), (0.62, 0.05)) == pytest.approx(12.0 * np.sqrt(3.0)), (
+        "the mean of all"
+    )
+    assert over_scatter((8.0, 4.0), (13.0, 4.0)) == pytest.approx(10.5 / 4.0 * np.sqrt(2.0)), "none determines it alone"
+    assert over_scatter((8.0, 4.0), (9.0, 0.0)) == pytest.approx(2.0), "a recording without an error says nothing of it"
     assert 3.0 < over_scatter((0.6, 0.05), (0.45, 0.01)) < 12.0, "a size may differ"
     assert over_scatter((0.6, 0.01), (0.1, 0.01), (1.5, 0.01)) < 1.645, "each sure, but of no common size"
-    assert over_scatter((1.2, 0.05), (1.2, 0.05), default=1.0) == pytest.approx(4.0), "of a gain: from one"
+    assert over_scatter((1.2, 0.05), (1.2, 0.05), default=1.0) == pytest.approx(4.0 * np.sqrt(2.0)), "a gain: from one"
 
 
 def test_recordings_of_one_machine_are_compared_with_one_set_of_friction_values() -> None:
