@@ -379,6 +379,20 @@ class WrittenFits:
         errors = found.errors_with_significant_scatter(z_score)
         return self._largest(name, found, lambda column, null: found.size_over(column, null, float(errors[column])))
 
+    def error_of_value(self, place: int, z_score: float) -> float:
+        """Return the standard error of the first value of an effect, with any significant scatter between recordings.
+
+        Args:
+            place: of the effect in ``after``.
+            z_score: above which a difference of two recordings is significant.
+
+        Returns:
+            Zero if the value is not free.
+        """
+        found = self.with_common_values
+        errors = found.errors_with_significant_scatter(z_score)
+        return next((float(errors[column]) for column, at in enumerate(found.free) if at == (place, 0)), 0.0)
+
     def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:
         """Return the largest ``value`` of the strength parameters of an effect, from their columns and null values."""
         place = [item.name for item in self.after.effects].index(name)

@@ -404,17 +404,18 @@ def _test_in_place_of_contact_law(name: str, closed: Closed, in_response: Share 
 def _size_beyond_tolerance(name: str, closed_gap: ClosedGap) -> float:
     """Return by how much a value of the file would exceed its tolerance without an effect, over its standard error.
 
-    Within the tolerance nothing is missing. A wrong mass is one value of the file; a wrong gain scales all values, so
-    the smaller one of mass and Coulomb force counts.
+    The error holds the scatter between recordings where that is significant. Within the tolerance nothing is missing.
+    A wrong mass is one value of the file; a wrong gain scales all values, so the smaller one of mass and Coulomb force
+    counts.
 
     Args:
         name: one of ``MASS_ERROR`` and ``ACTUATOR_GAIN``.
         closed_gap: the effects, beside everything that was accepted.
     """
-    written, file = closed_gap.written, closed_gap.setup.nominal
+    written, file, criteria = closed_gap.written, closed_gap.setup.nominal, closed_gap.evaluation.criteria
     fitted = written.after.model
     place = [item.name for item in written.after.effects].index(name)
-    value, error = written.after.effects[place].values[0], written.errors.get((place, 0), 0.0)
+    value, error = written.after.effects[place].values[0], written.error_of_value(place, criteria.interval_z_score)
     if name == MASS_ERROR:
         sizes, error = [(fitted.mass + value) / file.mass - 1.0], error / file.mass
     else:

@@ -338,6 +338,19 @@ def test_two_recordings_hardly_tell_how_much_a_size_scatters() -> None:
     assert found.size_over(0, 1.0, float(found.errors_with_significant_scatter(1.645)[0])) < 1.645
 
 
+def test_a_scatter_that_is_not_significant_keeps_no_gain_within_the_tolerance() -> None:
+    """Two recordings of second with a gain: 0.869 and 0.892 with values of their own, 0.869 twice with those of one."""
+    alone = estimates((0.869, 0.0098), (0.892, 0.0098))
+    common = estimates((0.869, 0.0098), (0.8689, 5.0e-5))
+    unused: Any = None
+    written = WrittenFits(unused, unused, unused, alone, alone, common)
+    assert written.error_of_value(0, 1.645) == pytest.approx(0.0098)
+    assert written.errors[0, 0] > 4.0 * 0.0098, "the reported interval holds every scatter"
+    differing = replace(written, with_common_values=estimates((0.869, 0.0098), (0.92, 5.0e-5)))
+    assert differing.error_of_value(0, 1.645) > 4.0 * 0.0098
+    assert written.error_of_value(1, 1.645) == 0.0, "no free value"
+
+
 def test_a_recording_that_hardly_determines_a_strength_does_not_refuse_it() -> None:
     """Two estimates differ by 1.5 standard errors, as one pair of seven does where nothing differs."""
     found = estimates((0.6, 0.05), (0.27, 0.21))
