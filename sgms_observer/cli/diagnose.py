@@ -120,6 +120,10 @@ def run(args: argparse.Namespace) -> Outcome:
         f" given, {gap.before:.3g} refitted, {gap.after:.3g} with the effects and changed values{maps};"
         f" {gap.floor:.3g} is not predictable"
     )
+    print(
+        f"  where every sample counts alike, at rest too: {gap.unweighted_before:.3g} refitted,"
+        f" {gap.unweighted_after:.3g} with all that was found"
+    )
     print(f"observer innovation: {done.checks[0].innovation:.4g} -> {done.checks[1].innovation:.4g} {unit} rms")
     before, after = done.checks
     print(
