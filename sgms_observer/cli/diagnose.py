@@ -122,7 +122,7 @@ def run(args: argparse.Namespace) -> Outcome:
     )
     print(
         f"  where every sample counts alike, at rest too: {gap.unweighted_before:.3g} refitted,"
-        f" {gap.unweighted_after:.3g} with all that was found"
+        f" {gap.unweighted_after:.3g} with the effects and changed values{', without learnt maps' if maps else ''}"
     )
     print(f"observer innovation: {done.checks[0].innovation:.4g} -> {done.checks[1].innovation:.4g} {unit} rms")
     before, after = done.checks

@@ -353,7 +353,9 @@ class WrittenFits:
         return self._largest(name, found, lambda column, null: found.smaller_z_score(column, null, least))
 
     def strength_over_scatter(self, name: str, has_fixed_shape: bool) -> float:
-        """Return the strength of an effect over its scatter between recordings; infinite without a free strength.
+        """Return the mean strength of an effect over its deviation; infinite without a free strength.
+
+        The deviation has the standard error of the mean and the scatter between recordings.
 
         Args:
             name: the effect.

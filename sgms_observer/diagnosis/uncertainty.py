@@ -46,16 +46,19 @@ class RecordingEstimates:
         free: index (effect, parameter) of each of them.
         values: shape (1 + number of other recordings, number of parameters), SI units; the fit first.
         errors: standard error of each value; 0 if a recording does not determine the parameter.
+        from_file: the part of each error that comes from the tolerance of the file. The values of the file are wrong by
+            the same in all recordings of one machine, so that this part does not shrink with their number.
     """
 
     free: tuple[tuple[int, int], ...]
     values: Floats
     errors: Floats
+    from_file: Floats
 
     @classmethod
     def none(cls) -> RecordingEstimates:
         """Return the estimates of a fit without free effect parameters."""
-        return cls((), np.zeros((1, 0)), np.zeros((1, 0)))
+        return cls((), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)))
 
     @property
     def std_errors(self) -> Floats:
@@ -91,13 +94,14 @@ class RecordingEstimates:
             effects: of the fit.
         """
         parameters = [effect(effects[i].name).parameters[j] for i, j in self.free]
-        values, errors = self.values.copy(), self.errors.copy()
+        values, errors, from_file = self.values.copy(), self.errors.copy(), self.from_file.copy()
         for column, parameter in enumerate(parameters):
             values[:, column] = parameter.linear(self.values[:, column])
-            errors[:, column] = parameter.linear_error(self.values[:, column], self.errors[:, column])
-            if parameter.vanishes_at_infinity:
-                errors[:, column] *= values[0, column] / values[:, column]
-        return RecordingEstimates(self.free, values, errors)
+            for part in (errors, from_file):
+                part[:, column] = parameter.linear_error(self.values[:, column], part[:, column])
+                if parameter.vanishes_at_infinity:
+                    part[:, column] *= values[0, column] / values[:, column]
+        return RecordingEstimates(self.free, values, errors, from_file)
 
     def smaller_z_score(self, column: int, null: float, least: float) -> float:
         """Return the strength over its standard error, the smaller of that of the fit and that of the other recordings.
@@ -125,24 +129,29 @@ class RecordingEstimates:
         return min(z_score_of_fit, float(np.sign(strengths[0]) * (weights @ strengths[shows]) / np.sqrt(weights.sum())))
 
     def strength_over_scatter(self, column: int, null: float) -> float:
-        """Return the mean strength of all recordings over its standard error and its deviation between recordings.
+        """Return the mean strength of the recordings over its standard error and its deviation between them.
 
-        One recording may not determine a size that all of them together determine well.
+        One recording need not determine a size that all of them together determine well. Those count that determine it
+        better than the fit is large, and the fit itself. The mean is positive with the sign of the fit.
 
         Args:
             column: of the parameter.
             null: its value that is no finding.
 
         Returns:
-            Infinite if the fit has no error of the parameter.
+            0 for a mean of the other sign or an infinite error of the fit; infinite if the fit has no error.
         """
-        values, errors = self.values[:, column], self.errors[:, column]
-        if errors[0] <= 0.0:
-            return math.inf
-        counts = np.isfinite(errors) & (errors > 0.0)
+        values, errors, from_file = self.values[:, column], self.errors[:, column], self.from_file[:, column]
+        if errors[0] <= 0.0 or not math.isfinite(errors[0]):
+            return math.inf if errors[0] <= 0.0 else 0.0
+        counts = _is_informative(values, errors)
+        counts[0] = True
         weights = 1.0 / errors[counts] ** 2
-        mean = float(weights @ (values[counts] - null)) / float(weights.sum())
-        return abs(mean) / math.sqrt(1.0 / float(weights.sum()) + between_variance(values, errors))
+        weights /= weights.sum()
+        mean = np.sign(values[0] - null) * float(weights @ (values[counts] - null))
+        own = np.maximum(errors[counts] ** 2 - from_file[counts] ** 2, 0.0)
+        variance = float(weights**2 @ own) + float(weights @ from_file[counts]) ** 2
+        return max(0.0, float(mean)) / math.sqrt(variance + between_variance(values, errors))
 
     def size_over(self, column: int, null: float, deviation: float) -> float:
         """Return the strength of the fit over a deviation; infinite if the fit has no error of the parameter.
@@ -212,6 +221,21 @@ def standard_errors(found: Refit, data: WhitenedData, is_nominal_held: bool = Fa
     return np.asarray(errors, dtype=np.float64)
 
 
+def errors_from_file(found: Refit, is_nominal_held: bool = False) -> Floats:
+    """Return the part of the standard error of each free effect parameter that the tolerance of the file makes [SI].
+
+    Args:
+        found: fit with derivatives at its solution.
+        is_nominal_held: whether the nominal parameters count as known; then there is none.
+    """
+    count = len(found.free)
+    if is_nominal_held or count == 0:
+        return np.zeros(count)
+    prior = found.jacobian[len(found.residual) :]
+    inverse = np.linalg.pinv(found.jacobian.T @ found.jacobian)
+    return np.asarray(np.linalg.norm(prior @ inverse, axis=0)[-count:] * found.scales, dtype=np.float64)
+
+
 def leave_one_out_shifts(parts: Sequence[Floats], normal: Floats) -> Floats:
     """Return the change of a linear least-squares solution when each part is left out, shape (parts, k).
 
@@ -240,7 +264,7 @@ def recording_estimates(
             known, or their own.
     """
     values = [[found.effects[i].values[j] for i, j in found.free]]
-    errors = [standard_errors(found, setup.data)]
+    errors, from_file = [standard_errors(found, setup.data)], [errors_from_file(found)]
     free = set(found.free)
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
     for motion in others if free else ():
@@ -248,7 +272,8 @@ def recording_estimates(
         fit = alone.fit(found.effects, found.logs, fixed, is_nominal_held=has_common_values)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
         errors.append(standard_errors(fit, alone.data, has_common_values))
-    return RecordingEstimates(found.free, np.array(values), np.array(errors))
+        from_file.append(errors_from_file(fit, has_common_values))
+    return RecordingEstimates(found.free, np.array(values), np.array(errors), np.array(from_file))
 
 
 def between_deviation(values: Floats, errors: Floats) -> float:

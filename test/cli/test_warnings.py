@@ -74,8 +74,9 @@ def test_diagnose_warns_on_stderr(
 ) -> None:
     """The command's own words, about a result that is made here."""
     gap = types.SimpleNamespace(
-        held_out="held-out", band=10.0, given=3.0, before=2.0, after=1.0, floor=0.5, unweighted_after=1.0
-    )
+        held_out="held-out", band=10.0, given=3.0, before=2.0, after=1.0, floor=0.5,
+        unweighted_before=7.0, unweighted_after=6.0,
+    )  # fmt: skip
     answer = types.SimpleNamespace(
         gap=gap, warnings=("the recording is short", "stage.controller differs"), verdict="cannot_tell", effects=(),
         learnt=(), changed=(), gap_with_learnt=1.0, next_experiment=None, usable=True, remainder="none", tests=(),
@@ -90,6 +91,9 @@ def test_diagnose_warns_on_stderr(
     printed = capsys.readouterr()
     assert printed.err == "Warning: the recording is short.\nWarning: stage.controller differs.\n"
     assert "Warning" not in printed.out
+    if not switch:
+        alike = "  where every sample counts alike, at rest too: 7 refitted, 6 with the effects and changed values\n"
+        assert alike in printed.out
 
 
 def test_the_prefix_stands_once(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,14 +1,17 @@
 """What a diagnosis may claim: the contact the data show, names that held-out data bear out, errors that hold."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from workflow_case import AXIS, PERIOD, evaluation_of, record, rich_position
 
-from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
+from sgms_observer.diagnosis import candidates
+from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit, fitted_candidates
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, changed_candidate, freed_setup
+from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import Decision, decide, strength_over_error
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Recordings, Round, WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
@@ -18,6 +21,7 @@ from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import HELD_LAG, Motion, motion_of
 from sgms_observer.diagnosis.pruning import (
+    _size_beyond_tolerance,
     with_friction_of_file,
     without_insignificant_effects,
     without_redundant_effects,
@@ -99,7 +103,9 @@ def test_a_missing_element_starts_with_the_level_as_it_is() -> None:
     assert np.array_equal(start_logs(logs, MODEL, OFFSET), logs)
 
 
-def test_the_screening_does_not_exclude_a_dead_zone_which_the_coulomb_force_absorbs() -> None:
+def test_the_screening_does_not_exclude_a_dead_zone_which_the_coulomb_force_absorbs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The residual of a file that has absorbed it may look like a dead zone of the other sign, which there is not."""
     motion = motion_of(record(duration=8.0))
     model = MODEL.with_effects([EffectSettings("actuator_dead_zone", (0.6,))])
@@ -110,6 +116,10 @@ def test_the_screening_does_not_exclude_a_dead_zone_which_the_coulomb_force_abso
     (start,) = screen.starts("actuator_dead_zone", has_trial=True)
     assert start.values[0] == pytest.approx(TRIAL_SHARE * found.model.friction.coulomb_force)
     assert screen.starts("spring", has_trial=True) == screen.starts("spring"), "a shape that reduces the residual"
+    fitted: list[str] = []
+    monkeypatch.setattr(candidates, "first_fit", lambda _setup, before, start, _: fitted.append(start.name) or before)
+    fitted_candidates(RefitSetup(data, model, 0.05), screen, found, 1, [])
+    assert "actuator_dead_zone" in fitted
 
 
 def test_a_fit_from_far_too_strong_a_start_does_not_end_worse_than_without_the_effect() -> None:
@@ -269,10 +279,15 @@ def test_an_effect_has_to_appear_in_the_held_out_recording_to_be_named(there: fl
         assert told.passed
 
 
-def estimates(*pairs: tuple[float, float]) -> RecordingEstimates:
-    """Return estimates of one parameter: value and standard error of the fit, then of each other recording."""
-    values, errors = zip(*pairs, strict=True)
-    return RecordingEstimates(((0, 0),), np.array(values)[:, None], np.array(errors)[:, None])
+def estimates(*pairs: tuple[float, float], from_file: float = 0.0) -> RecordingEstimates:
+    """Return estimates of one parameter: value and standard error of the fit, then of each other recording.
+
+    Args:
+        pairs: value and standard error.
+        from_file: the part of each error that comes from the tolerance of the file.
+    """
+    values, errors = (np.array(item)[:, None] for item in zip(*pairs, strict=True))
+    return RecordingEstimates(((0, 0),), values, errors, np.full_like(errors, from_file))
 
 
 def test_a_strength_counts_as_far_as_the_other_recordings_show_it() -> None:
@@ -291,8 +306,8 @@ def test_a_strength_counts_as_far_as_the_other_recordings_show_it() -> None:
 
 
 def test_a_strength_counts_as_far_as_recordings_agree_on_it() -> None:
-    def over_scatter(*pairs: tuple[float, float], default: float = 0.0) -> float:
-        return estimates(*pairs).strength_over_scatter(0, default)
+    def over_scatter(*pairs: tuple[float, float], default: float = 0.0, from_file: float = 0.0) -> float:
+        return estimates(*pairs, from_file=from_file).strength_over_scatter(0, default)
 
     assert over_scatter((0.6, 0.05)) == pytest.approx(12.0)
     assert over_scatter((0.6, 0.05), (0.58, 0.05), (0.62, 0.05)) == pytest.approx(12.0 * np.sqrt(3.0)), (
@@ -303,6 +318,13 @@ def test_a_strength_counts_as_far_as_recordings_agree_on_it() -> None:
     assert 3.0 < over_scatter((0.6, 0.05), (0.45, 0.01)) < 12.0, "a size may differ"
     assert over_scatter((0.6, 0.01), (0.1, 0.01), (1.5, 0.01)) < 1.645, "each sure, but of no common size"
     assert over_scatter((1.2, 0.05), (1.2, 0.05), default=1.0) == pytest.approx(4.0 * np.sqrt(2.0)), "a gain: from one"
+    file = over_scatter((1.2, 0.05), (1.2, 0.05), default=1.0, from_file=0.05)
+    assert file == pytest.approx(4.0), "both have the same wrong file"
+    half = over_scatter((1.2, 0.05), (1.2, 0.05), default=1.0, from_file=0.04)
+    assert half == pytest.approx(0.2 / np.hypot(0.03 / np.sqrt(2.0), 0.04)), "only the rest shrinks"
+    assert over_scatter((0.1, 0.05), (5.0, 0.2)) == pytest.approx(2.0), "hardly a scatter, and no mean either"
+    assert over_scatter((0.3, 0.1), (-3.0, 0.25)) == 0.0, "a mean of the other sign"
+    assert over_scatter((0.6, np.inf), (0.6, 0.1)) == 0.0, "the fit says nothing"
 
 
 def test_recordings_of_one_machine_are_compared_with_one_set_of_friction_values() -> None:
@@ -343,7 +365,12 @@ def test_a_scatter_that_is_not_significant_keeps_no_gain_within_the_tolerance() 
     alone = estimates((0.869, 0.0098), (0.892, 0.0098))
     common = estimates((0.869, 0.0098), (0.8689, 5.0e-5))
     unused: Any = None
-    written = WrittenFits(unused, unused, unused, alone, alone, common)
+    after: Any = SimpleNamespace(model=MODEL, effects=(EffectSettings("actuator_gain", (0.869,)),))
+    written = WrittenFits(unused, after, unused, alone, alone, common)
+    setup, evaluation = SimpleNamespace(nominal=MODEL, tolerance=0.05), SimpleNamespace(criteria=Criteria())
+    closed_gap: Any = SimpleNamespace(written=written, setup=setup, evaluation=evaluation)
+    beyond = _size_beyond_tolerance("actuator_gain", closed_gap)
+    assert beyond == pytest.approx((1.0 / 0.869 - 1.05) / (0.0098 / 0.869))
     assert written.error_of_value(0, 1.645) == pytest.approx(0.0098)
     assert written.errors[0, 0] > 4.0 * 0.0098, "the reported interval holds every scatter"
     differing = replace(written, with_common_values=estimates((0.869, 0.0098), (0.92, 5.0e-5)))
@@ -405,11 +432,11 @@ def test_the_strength_of_a_lag_is_how_far_its_time_is_from_zero() -> None:
     lag, without = EffectSettings("frictional_lag", (200.0, 1e-5)), effect("frictional_lag").defaults
     assert strength_over_error(lag, {0: 600.0}, without) == pytest.approx(0.33, abs=0.01)
     assert strength_over_error(lag, {0: 20.0}, without) == pytest.approx(10.0, abs=0.01)
-    found = RecordingEstimates(((0, 0),), np.array([[200.0], [250.0]]), np.array([[20.0], [25.0]]))
+    found = estimates((200.0, 20.0), (250.0, 25.0))
     times = found.linear([lag])
     assert times.values[:, 0] == pytest.approx([5e-3, 4e-3])
     assert times.errors[:, 0] == pytest.approx([5e-4, 5e-4]), "of the same logarithm, at the value of the fit"
-    offset = RecordingEstimates(((0, 0),), np.array([[0.6]]), np.array([[0.1]]))
+    offset = estimates((0.6, 0.1))
     assert offset.linear([OFFSET]).values == offset.values
 
 

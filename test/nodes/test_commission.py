@@ -150,7 +150,10 @@ def learnt_before(folder: Path, own: Motion | None = None) -> None:
 
 
 def ambiguous_before(folder: Path) -> None:
-    """Prepare a commissioning with simulated recordings, whose diagnosis leaves two effects ambiguous."""
+    """Prepare a commissioning with simulated recordings.
+
+    Its diagnosis names the true effect; the other one is written as its alternative.
+    """
     ledger = prepare(folder)
     unused: Any = None
     plan = Plan.of(Request(str(folder / "start.yaml"), ledger.folder))
