@@ -149,8 +149,8 @@ class RecordingEstimates:
         weights = 1.0 / errors[counts] ** 2
         weights /= weights.sum()
         mean = np.sign(values[0] - null) * float(weights @ (values[counts] - null))
-        own = np.maximum(errors[counts] ** 2 - from_file[counts] ** 2, 0.0)
-        variance = float(weights**2 @ own) + float(weights @ from_file[counts]) ** 2
+        from_data = np.maximum(errors[counts] ** 2 - from_file[counts] ** 2, 0.0)
+        variance = float(weights**2 @ from_data) + float(weights @ from_file[counts]) ** 2
         return max(0.0, float(mean)) / math.sqrt(variance + between_variance(values, errors))
 
     def size_over(self, column: int, null: float, deviation: float) -> float:
