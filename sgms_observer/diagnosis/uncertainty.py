@@ -46,8 +46,8 @@ class RecordingEstimates:
         free: index (effect, parameter) of each of them.
         values: shape (1 + number of other recordings, number of parameters), SI units; the fit first.
         errors: standard error of each value; 0 if a recording does not determine the parameter.
-        from_file: the part of each error that comes from the tolerance of the file. The values of the file are wrong by
-            the same in all recordings of one machine, so that this part does not shrink with their number.
+        from_file: the part of each error that comes from the tolerance of the file. A value of the file is wrong by the
+            same amount in all recordings of one machine, so that more recordings do not make this part smaller.
     """
 
     free: tuple[tuple[int, int], ...]
@@ -131,19 +131,22 @@ class RecordingEstimates:
     def strength_over_scatter(self, column: int, null: float) -> float:
         """Return the mean strength of the recordings over its standard error and its deviation between them.
 
-        One recording need not determine a size that all of them together determine well. Those count that determine it
-        better than the fit is large, and the fit itself. The mean is positive with the sign of the fit.
+        One recording need not determine a size that all of them together determine well. The fit counts, and each
+        recording whose standard error is smaller than the value of the fit. The mean is positive where it has the sign
+        of the fit.
 
         Args:
             column: of the parameter.
             null: its value that is no finding.
 
         Returns:
-            0 for a mean of the other sign or an infinite error of the fit; infinite if the fit has no error.
+            0 if the mean has the other sign or the error of the fit is infinite; infinite if the fit has no error.
         """
         values, errors, from_file = self.values[:, column], self.errors[:, column], self.from_file[:, column]
-        if errors[0] <= 0.0 or not math.isfinite(errors[0]):
-            return math.inf if errors[0] <= 0.0 else 0.0
+        if errors[0] <= 0.0:
+            return math.inf
+        if not math.isfinite(errors[0]):
+            return 0.0
         counts = _is_informative(values, errors)
         counts[0] = True
         weights = 1.0 / errors[counts] ** 2
@@ -182,8 +185,13 @@ def as_time_series(whitened: Floats, data: WhitenedData) -> list[Floats]:
     return series
 
 
-def standard_errors(found: Refit, data: WhitenedData, is_nominal_held: bool = False) -> Floats:
-    """Return the standard error of each free effect parameter, SI units.
+def standard_errors(found: Refit, data: WhitenedData) -> Floats:
+    """Return the standard error of each free effect parameter, SI units; see ``_standard_errors``."""
+    return _standard_errors(found, data, False)[0]
+
+
+def _standard_errors(found: Refit, data: WhitenedData, is_nominal_held: bool) -> tuple[Floats, Floats]:
+    """Return the standard error of each free effect parameter, and its part from the tolerance of the file, SI units.
 
     Args:
         found: fit with derivatives at its solution.
@@ -192,14 +200,15 @@ def standard_errors(found: Refit, data: WhitenedData, is_nominal_held: bool = Fa
 
     Returns:
         The larger of the error from the noise and the error from the jackknife over blocks; 0 where the residual hardly
-        depends on the parameter, as on a gap that lies between two steps of the encoder.
+        depends on the parameter, as on a gap that lies between two steps of the encoder. Then the part that the prior
+        of the file's values makes of it.
 
     Source: Efron and Stein 1981, Annals of Statistics 9(3); Bell and McCaffrey 2002, Survey Methodology 28(2), for few
     blocks, whose plain scatter (White 1980, Econometrica 48(4)) is too small, because each block was fitted.
     """
     count = len(found.free)
     if count == 0:
-        return np.zeros(0)
+        return np.zeros(0), np.zeros(0)
     rows = len(found.residual)
     jacobian = found.jacobian[:, found.jacobian.shape[1] - count :] if is_nominal_held else found.jacobian
     prior = jacobian[rows:]
@@ -210,30 +219,16 @@ def standard_errors(found: Refit, data: WhitenedData, is_nominal_held: bool = Fa
     for motion, series in zip(data.motions, as_time_series(columns, data), strict=True):
         blocks = max(2, int(len(motion.time) * motion.period / BLOCK_LENGTH))
         parts += np.array_split(series, blocks)
-    moved = leave_one_out_shifts(parts, normal)
-    scatter = (1.0 - 1.0 / len(parts)) * moved.T @ moved + inverse @ prior.T @ prior @ inverse
+    moved, by_prior = leave_one_out_shifts(parts, normal), prior @ inverse
+    scatter = (1.0 - 1.0 / len(parts)) * moved.T @ moved + by_prior.T @ by_prior
     variance = np.maximum(np.diag(scatter), np.diag(inverse))[-count:]
     is_determined = np.diag(normal)[-count:] > MIN_INFORMATION * np.max(np.diag(normal))
     errors = np.where(is_determined, np.sqrt(np.maximum(variance, 0.0)), 0.0) * found.scales
     for k, (i, j) in enumerate(found.free):
         if effect(found.effects[i].name).parameters[j].name in DELAY_PARAMETERS:
             errors[k] = np.hypot(errors[k], STAMP_ERROR * data.motions[0].period / data.motions[0].step)
-    return np.asarray(errors, dtype=np.float64)
-
-
-def errors_from_file(found: Refit, is_nominal_held: bool = False) -> Floats:
-    """Return the part of the standard error of each free effect parameter that the tolerance of the file makes [SI].
-
-    Args:
-        found: fit with derivatives at its solution.
-        is_nominal_held: whether the nominal parameters count as known; then there is none.
-    """
-    count = len(found.free)
-    if is_nominal_held or count == 0:
-        return np.zeros(count)
-    prior = found.jacobian[len(found.residual) :]
-    inverse = np.linalg.pinv(found.jacobian.T @ found.jacobian)
-    return np.asarray(np.linalg.norm(prior @ inverse, axis=0)[-count:] * found.scales, dtype=np.float64)
+    from_file = np.linalg.norm(by_prior, axis=0)[-count:] * found.scales
+    return np.asarray(errors, dtype=np.float64), np.asarray(from_file, dtype=np.float64)
 
 
 def leave_one_out_shifts(parts: Sequence[Floats], normal: Floats) -> Floats:
@@ -264,16 +259,16 @@ def recording_estimates(
             known, or their own.
     """
     values = [[found.effects[i].values[j] for i, j in found.free]]
-    errors, from_file = [standard_errors(found, setup.data)], [errors_from_file(found)]
+    errors = [_standard_errors(found, setup.data, False)]
     free = set(found.free)
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
     for motion in others if free else ():
         alone = replace(setup, data=data_with_own_noise((motion,), found.model))
         fit = alone.fit(found.effects, found.logs, fixed, is_nominal_held=has_common_values)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
-        errors.append(standard_errors(fit, alone.data, has_common_values))
-        from_file.append(errors_from_file(fit, has_common_values))
-    return RecordingEstimates(found.free, np.array(values), np.array(errors), np.array(from_file))
+        errors.append(_standard_errors(fit, alone.data, has_common_values))
+    whole, from_file = map(np.array, zip(*errors, strict=True))
+    return RecordingEstimates(found.free, np.array(values), whole, from_file)
 
 
 def between_deviation(values: Floats, errors: Floats) -> float:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sgms_observer.effects import kernels
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.formulas import vectorised
 from sgms_observer.formulas.effects import SOFT_SHARE
@@ -15,6 +16,7 @@ PATH = {
     "actuator_dead_zone": (0.4,),
     "actuator_delay": (2.6e-3,),
 }
+POSITION = {"encoder_interpolation_error": (4.0e-8, 2.0e-5, 0.3), "quantisation": (1.0e-7,)}
 
 
 def path_of(*names: str) -> CompiledEffects:
@@ -46,6 +48,26 @@ def test_a_saturated_force_asks_for_the_limit_and_a_lost_one_for_nothing() -> No
 def test_an_axis_without_such_effects_commands_the_force_itself() -> None:
     force = np.array([1.0, -2.0])
     assert CompiledEffects([EffectSettings("offset", (1.0,))], PERIOD).needed_command(force) is force
+
+
+@pytest.mark.parametrize("names", [tuple(PATH), tuple(reversed(PATH))])
+def test_a_block_is_its_samples_to_the_last_bit(names: tuple[str, ...]) -> None:
+    """A block goes through one effect after the other, a single sample through all of them."""
+    values = np.linspace(-8.0, 8.0, 501)
+    path = path_of(*names)
+    command = np.empty_like(values)
+    kernels.command_block(path.kinds, path.p_at, path.parameters, values, command)
+    one_by_one = [kernels.needed_command(path.kinds, path.p_at, path.parameters, value) for value in values]
+    assert np.array_equal(command, one_by_one)
+    encoder = CompiledEffects([EffectSettings(name, POSITION[name]) for name in POSITION], PERIOD)
+    arguments = encoder.kinds, encoder.p_at, encoder.parameters
+    for whole, sample in (
+        (encoder.measured_position, kernels.measured_position),
+        (encoder.corrected_position, kernels.corrected_position),
+    ):
+        position = 1.0e-5 * values
+        assert np.array_equal(whole(position), [sample(*arguments, value) for value in position])
+        assert not np.array_equal(whole(position), position)
 
 
 def test_the_inverse_formulas_are_written_once() -> None:

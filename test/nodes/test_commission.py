@@ -128,7 +128,7 @@ def prepare(folder: Path, own: Motion | None = None) -> Ledger:
     plan = Plan.of(request)
     out.mkdir()
     own = own or representative_motion(plan.limits, plan.settings.sample_period)
-    own.write(out / "motion.csv")
+    own.write(out / OWN_MOTION)
     ledger = Ledger(out, request.as_json())
     ledger.facts = {"origin": 0.0, "delay": 0.0, "lead": 0.2, "baseline": {"rms": 3.7e-6, "peak": 5.1e-6}}
     finish(ledger, "check")
