@@ -48,12 +48,20 @@ def _slip_fraction_with_slope(u: float, lam: float, zeta: float, gain: float) ->
 
 @njit_bare
 def _solve_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -> float:
-    """Solve u1 = u0 + a (1 - eta(u1) u1) of eq. 4 by bracketed Newton iterations; arguments as of ``sgms_ratio``."""
+    """Solve u1 = u0 + a (1 - eta(u1) u1) of eq. 4 by bracketed Newton iterations; arguments as of ``sgms_ratio``.
+
+    Next to the reversal of a sliding element, Newton iterations may go to and fro between two points inside the
+    bracket. A step that does not halve the one before the last is therefore replaced by a bisection.
+
+    Source: Brent 1973, Algorithms for Minimization without Derivatives, ch. 4.
+    """
     stick = u0 + travel
     slip = stick / (1.0 + travel)
     low = min(stick, slip)
     high = max(stick, slip)
     u = min(max(zeta, low), high)
+    before_last = 2.0 * (high - low)
+    last = before_last
     for _ in range(_MAX_ITERATIONS):
         eta, slope, _gain_slope = _slip_fraction_with_slope(u, lam, zeta, gain)
         residual = u - stick + travel * eta * u
@@ -63,11 +71,13 @@ def _solve_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float)
         else:
             low = u
         candidate = u - residual / derivative if derivative > 0.0 else low - 1.0
-        is_newton = low <= candidate <= high
+        is_newton = low <= candidate <= high and 2.0 * abs(candidate - u) <= before_last
         if not is_newton:
             candidate = 0.5 * (low + high)
         change = candidate - u
         u = candidate
+        before_last = last
+        last = abs(change)
         # the residual bends by less than 2 (lam + gain) times its slope, so this bounds the error that is left
         if (is_newton and (lam + gain) * change * change <= _TOLERANCE) or abs(change) <= _TOLERANCE:
             break

@@ -34,6 +34,17 @@ def test_step_solves_the_formula(u0: float, travel: float, gain: float) -> None:
     assert abs(residual) <= 1e-12 * (1.0 + travel) * 1000.0  # lambda amplifies the rounding of u
 
 
+@pytest.mark.parametrize("lam", [10.0, 100.0, 1000.0, 10000.0])
+def test_step_solves_the_formula_next_to_every_reversal(lam: float) -> None:
+    """A sliding element that has just reversed sits on the cliff of eq. 6, where Newton iterations alone may cycle."""
+    for u0 in -np.linspace(0.95, 1.05, 101):
+        for travel in np.geomspace(1.0e-3, 1.0, 13):
+            for gain in np.geomspace(1.0e-3, 30.0, 13):
+                u = sgms_ratio(u0, travel, lam, 0.98, gain)[0]
+                residual = formulas.sgms_residual(u, u0, travel, lam, 0.98, gain)
+                assert abs(residual) <= 1e-12 * (1.0 + travel) * lam, (u0, travel, gain)  # as above
+
+
 @_NEEDS_CASADI
 @settings(max_examples=200, deadline=None)
 @given(
