@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
@@ -45,20 +46,25 @@ class RecordingEstimates:
     Attributes:
         free: index (effect, parameter) of each of them.
         values: shape (1 + number of other recordings, number of parameters), SI units; the fit first.
-        errors: standard error of each value; 0 if a recording does not determine the parameter.
-        from_file: the part of each error that comes from the tolerance of the file. A value of the file is wrong by the
-            same amount in all recordings of one machine, so that more recordings do not make this part smaller.
+        covariances: of the estimates of each parameter, shape (number of parameters, rows of ``values``, rows of
+            ``values``). Values of the file that are wrong are so by the same amount in all recordings of one machine,
+            which makes their errors correlate. Rows and columns are zero where a recording does not determine the
+            parameter.
     """
 
     free: tuple[tuple[int, int], ...]
     values: Floats
-    errors: Floats
-    from_file: Floats
+    covariances: Floats
 
     @classmethod
     def none(cls) -> RecordingEstimates:
         """Return the estimates of a fit without free effect parameters."""
-        return cls((), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)))
+        return cls((), np.zeros((1, 0)), np.zeros((0, 1, 1)))
+
+    @cached_property
+    def errors(self) -> Floats:
+        """Return the standard error of each value; 0 if a recording does not determine the parameter."""
+        return np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2)).T
 
     @property
     def std_errors(self) -> Floats:
@@ -80,7 +86,7 @@ class RecordingEstimates:
 
         Source: Cochran 1954, Biometrics 10(1): the weighted sum of squares as a test of homogeneity.
         """
-        pairs = list(zip(self.values.T, self.errors.T, strict=True))
+        pairs = list(zip(self.values.T, self.covariances, strict=True))
         between = [between_deviation(*pair) if _has_scatter(*pair, z_score) else 0.0 for pair in pairs]
         return np.asarray(np.hypot(self.errors[0], between), dtype=np.float64)
 
@@ -94,14 +100,14 @@ class RecordingEstimates:
             effects: of the fit.
         """
         parameters = [effect(effects[i].name).parameters[j] for i, j in self.free]
-        values, errors, from_file = self.values.copy(), self.errors.copy(), self.from_file.copy()
+        values, covariances = self.values.copy(), self.covariances.copy()
         for column, parameter in enumerate(parameters):
             values[:, column] = parameter.linear(self.values[:, column])
-            for part in (errors, from_file):
-                part[:, column] = parameter.linear_error(self.values[:, column], part[:, column])
-                if parameter.vanishes_at_infinity:
-                    part[:, column] *= values[0, column] / values[:, column]
-        return RecordingEstimates(self.free, values, errors, from_file)
+            slopes = parameter.linear_error(self.values[:, column], np.ones(len(values)))
+            if parameter.vanishes_at_infinity:
+                slopes = slopes * values[0, column] / values[:, column]
+            covariances[column] *= np.outer(slopes, slopes)
+        return RecordingEstimates(self.free, values, covariances)
 
     def smaller_z_score(self, column: int, null: float, least: float) -> float:
         """Return the strength over its standard error, the smaller of that of the fit and that of the other recordings.
@@ -142,7 +148,7 @@ class RecordingEstimates:
         Returns:
             0 if the mean has the other sign or the error of the fit is infinite; infinite if the fit has no error.
         """
-        values, errors, from_file = self.values[:, column], self.errors[:, column], self.from_file[:, column]
+        values, errors, covariance = self.values[:, column], self.errors[:, column], self.covariances[column]
         if errors[0] <= 0.0:
             return math.inf
         if not math.isfinite(errors[0]):
@@ -152,9 +158,8 @@ class RecordingEstimates:
         weights = 1.0 / errors[counts] ** 2
         weights /= weights.sum()
         mean = np.sign(values[0] - null) * float(weights @ (values[counts] - null))
-        from_data = np.maximum(errors[counts] ** 2 - from_file[counts] ** 2, 0.0)
-        variance = float(weights**2 @ from_data) + float(weights @ from_file[counts]) ** 2
-        return max(0.0, float(mean)) / math.sqrt(variance + between_variance(values, errors))
+        variance = float(weights @ covariance[np.ix_(counts, counts)] @ weights)
+        return max(0.0, float(mean)) / math.sqrt(variance + between_variance(values, covariance))
 
     def size_over(self, column: int, null: float, deviation: float) -> float:
         """Return the strength of the fit over a deviation; infinite if the fit has no error of the parameter.
@@ -186,49 +191,57 @@ def as_time_series(whitened: Floats, data: WhitenedData) -> list[Floats]:
 
 
 def standard_errors(found: Refit, data: WhitenedData) -> Floats:
-    """Return the standard error of each free effect parameter, SI units; see ``_standard_errors``."""
-    return _standard_errors(found, data, False)[0]
+    """Return the standard error of each free effect parameter of a fit, SI units, see ``_Accuracy``."""
+    return _Accuracy.of(found, data, is_nominal_held=False).errors
 
 
-def _standard_errors(found: Refit, data: WhitenedData, is_nominal_held: bool) -> tuple[Floats, Floats]:
-    """Return the standard error of each free effect parameter, and its part from the tolerance of the file, SI units.
+@dataclass(frozen=True)
+class _Accuracy:
+    """How accurately a fit determines its free effect parameters.
 
-    Args:
-        found: fit with derivatives at its solution.
-        data: recordings that it was fitted to.
-        is_nominal_held: whether the nominal parameters count as known.
-
-    Returns:
-        The larger of the error from the noise and the error from the jackknife over blocks; 0 where the residual hardly
-        depends on the parameter, as on a gap that lies between two steps of the encoder. Then the part that the prior
-        of the file's values makes of it.
+    Attributes:
+        errors: standard error of each free effect parameter, SI units: the larger of the error from the noise and the
+            error from the jackknife over blocks; 0 where the residual hardly depends on the parameter, as on a gap
+            that lies between two steps of the encoder.
+        by_file: change of each free effect parameter with each prior row, shape (prior rows, parameters), SI units: the
+            part of the error that comes from the tolerance of the file.
+        of_coordinates: covariance of all coordinates of the fit, from the noise and from the jackknife.
 
     Source: Efron and Stein 1981, Annals of Statistics 9(3); Bell and McCaffrey 2002, Survey Methodology 28(2), for few
     blocks, whose plain scatter (White 1980, Econometrica 48(4)) is too small, because each block was fitted.
     """
-    count = len(found.free)
-    if count == 0:
-        return np.zeros(0), np.zeros(0)
-    rows = len(found.residual)
-    jacobian = found.jacobian[:, found.jacobian.shape[1] - count :] if is_nominal_held else found.jacobian
-    prior = jacobian[rows:]
-    normal = jacobian.T @ jacobian
-    inverse = np.linalg.pinv(normal)
-    parts: list[Floats] = []
-    columns = np.column_stack([jacobian[:rows], found.residual])
-    for motion, series in zip(data.motions, as_time_series(columns, data), strict=True):
-        blocks = max(2, int(len(motion.time) * motion.period / BLOCK_LENGTH))
-        parts += np.array_split(series, blocks)
-    moved, by_prior = leave_one_out_shifts(parts, normal), prior @ inverse
-    scatter = (1.0 - 1.0 / len(parts)) * moved.T @ moved + by_prior.T @ by_prior
-    variance = np.maximum(np.diag(scatter), np.diag(inverse))[-count:]
-    is_determined = np.diag(normal)[-count:] > MIN_INFORMATION * np.max(np.diag(normal))
-    errors = np.where(is_determined, np.sqrt(np.maximum(variance, 0.0)), 0.0) * found.scales
-    for k, (i, j) in enumerate(found.free):
-        if effect(found.effects[i].name).parameters[j].name in DELAY_PARAMETERS:
-            errors[k] = np.hypot(errors[k], STAMP_ERROR * data.motions[0].period / data.motions[0].step)
-    from_file = np.linalg.norm(by_prior, axis=0)[-count:] * found.scales
-    return np.asarray(errors, dtype=np.float64), np.asarray(from_file, dtype=np.float64)
+
+    errors: Floats
+    by_file: Floats
+    of_coordinates: tuple[Floats, Floats]
+
+    @classmethod
+    def of(cls, found: Refit, data: WhitenedData, is_nominal_held: bool) -> _Accuracy:
+        """Return the accuracy of a fit with at least one free effect parameter.
+
+        Args:
+            found: fit with derivatives at its solution.
+            data: recordings that it was fitted to.
+            is_nominal_held: whether the nominal parameters count as known.
+        """
+        count, rows = len(found.free), len(found.residual)
+        jacobian = found.jacobian[:, found.jacobian.shape[1] - count :] if is_nominal_held else found.jacobian
+        normal = jacobian.T @ jacobian
+        inverse = np.asarray(np.linalg.pinv(normal), dtype=np.float64)
+        parts: list[Floats] = []
+        columns = np.column_stack([jacobian[:rows], found.residual])
+        for motion, series in zip(data.motions, as_time_series(columns, data), strict=True):
+            blocks = max(2, int(len(motion.time) * motion.period / BLOCK_LENGTH))
+            parts += np.array_split(series, blocks)
+        moved, by_prior = leave_one_out_shifts(parts, normal), jacobian[rows:] @ inverse
+        scatter = (1.0 - 1.0 / len(parts)) * moved.T @ moved + by_prior.T @ by_prior
+        variance = np.maximum(np.diag(scatter), np.diag(inverse))[-count:]
+        is_determined = np.diag(normal)[-count:] > MIN_INFORMATION * np.max(np.diag(normal))
+        errors = np.where(is_determined, np.sqrt(np.maximum(variance, 0.0)), 0.0) * found.scales
+        for k, (i, j) in enumerate(found.free):
+            if effect(found.effects[i].name).parameters[j].name in DELAY_PARAMETERS:
+                errors[k] = np.hypot(errors[k], STAMP_ERROR * data.motions[0].period / data.motions[0].step)
+        return cls(errors, by_prior[:, -count:] * found.scales, (inverse, np.asarray(scatter, dtype=np.float64)))
 
 
 def leave_one_out_shifts(parts: Sequence[Floats], normal: Floats) -> Floats:
@@ -255,38 +268,85 @@ def recording_estimates(
         setup: setup of the fit.
         found: the fit, with derivatives at its solution.
         others: other recordings.
-        has_common_values: whether the other recordings have the nominal parameters of the fit, which then count as
-            known, or their own.
+        has_common_values: whether the other recordings have the nominal parameters of the fit, or their own.
     """
-    values = [[found.effects[i].values[j] for i, j in found.free]]
-    errors = [_standard_errors(found, setup.data, False)]
+    if not found.free:
+        return replace(RecordingEstimates.none(), values=np.zeros((1 + len(others), 0)))
     free = set(found.free)
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
-    for motion in others if free else ():
-        alone = replace(setup, data=data_with_own_noise((motion,), found.model))
-        fit = alone.fit(found.effects, found.logs, fixed, is_nominal_held=has_common_values)
-        values.append([fit.effects[i].values[j] for i, j in fit.free])
-        errors.append(_standard_errors(fit, alone.data, has_common_values))
-    whole, from_file = map(np.array, zip(*errors, strict=True))
-    return RecordingEstimates(found.free, np.array(values), whole, from_file)
+    fits, data = [found], [setup.data]
+    for motion in others:
+        data.append(data_with_own_noise((motion,), found.model))
+        alone = replace(setup, data=data[-1])
+        fits.append(alone.fit(found.effects, found.logs, fixed, is_nominal_held=has_common_values))
+    values = np.array([[fit.effects[i].values[j] for i, j in fit.free] for fit in fits])
+    whose = [False, *(has_common_values for _ in others)]
+    accuracies = [_Accuracy.of(*item) for item in zip(fits, data, whose, strict=True)]
+    whole = _covariances_with_common_values(fits, accuracies) if has_common_values else _covariances(accuracies)
+    is_determined = np.array([one.errors > 0.0 for one in accuracies]).T
+    return RecordingEstimates(found.free, values, whole * is_determined[:, :, None] * is_determined[:, None, :])
 
 
-def between_deviation(values: Floats, errors: Floats) -> float:
+def _covariances(accuracies: Sequence[_Accuracy]) -> Floats:
+    """Return the covariances of estimates that each have nominal parameters of their own.
+
+    Args:
+        accuracies: of the fits, the reported one first.
+
+    Returns:
+        Shape (number of parameters, number of fits, number of fits), SI units.
+    """
+    by_file = np.array([one.by_file for one in accuracies])
+    found = np.einsum("krp,lrp->pkl", by_file, by_file)
+    for k, one in enumerate(accuracies):
+        found[:, k, k] = one.errors**2
+    return np.asarray(found, dtype=np.float64)
+
+
+def _covariances_with_common_values(fits: Sequence[Refit], accuracies: Sequence[_Accuracy]) -> Floats:
+    """Return the covariances of estimates that all have the nominal parameters of one fit.
+
+    These parameters and the effect parameters of that fit have errors together. If the nominal parameters move, the
+    estimate of another recording moves as a least-squares solution does, which is linear in them.
+
+    Args:
+        fits: the fit itself, then those of the other recordings, with derivatives at their solutions.
+        accuracies: of these fits.
+
+    Returns:
+        Shape as above.
+    """
+    count = len(fits[0].free)
+    moves = [np.hstack([np.zeros((count, fits[0].jacobian.shape[1] - count)), np.eye(count)])]
+    for fit in fits[1:]:
+        by_nominal = np.linalg.pinv(fit.jacobian[:, -count:]) @ fit.jacobian[:, :-count]
+        moves.append(np.hstack([-by_nominal, np.zeros((count, count))]))
+    scaled = np.array([fit.scales[:, None] * move for fit, move in zip(fits, moves, strict=True)])
+    by_noise, by_blocks = (np.einsum("kpi,ij,lpj->pkl", scaled, one, scaled) for one in accuracies[0].of_coordinates)
+    is_larger = by_blocks[:, 0, 0] > by_noise[:, 0, 0]
+    found = np.where(is_larger[:, None, None], by_blocks, by_noise)
+    found[:, 0, 0] = accuracies[0].errors ** 2
+    for k, one in enumerate(accuracies[1:], start=1):
+        found[:, k, k] += one.errors**2
+    return np.asarray(found, dtype=np.float64)
+
+
+def between_deviation(values: Floats, covariance: Floats) -> float:
     """Return the standard deviation of one parameter between recordings, beyond its standard errors.
 
     Args:
         values: estimate from each recording, the reported one first.
-        errors: standard error of each; 0 if a recording does not determine the parameter.
+        covariance: of the estimates; 0 if a recording does not determine the parameter.
 
     Returns:
         The deviation times a factor that turns the normal 90 % interval into that of Student's distribution.
 
     Source: Hartung and Knapp 2001, Statistics in Medicine 20(24).
     """
-    degrees = int(np.sum(_is_informative(values, errors))) - 1
+    degrees = int(np.sum(_is_informative(values, np.sqrt(np.diag(covariance))))) - 1
     if degrees < 1:
         return 0.0
-    return float(np.sqrt(between_variance(values, errors)) * stats.t.ppf(0.95, degrees) / stats.norm.ppf(0.95))
+    return float(np.sqrt(between_variance(values, covariance)) * stats.t.ppf(0.95, degrees) / stats.norm.ppf(0.95))
 
 
 def _is_informative(values: Floats, errors: Floats) -> Booleans:
@@ -294,38 +354,42 @@ def _is_informative(values: Floats, errors: Floats) -> Booleans:
     return np.asarray((errors > 0.0) & np.isfinite(errors) & (errors < max(abs(float(values[0])), 1e-300)))
 
 
-def between_variance(values: Floats, errors: Floats) -> float:
-    """Return the variance of one parameter between recordings, beyond its standard errors.
+def between_variance(values: Floats, covariance: Floats) -> float:
+    """Return the variance of one parameter between recordings, beyond the covariance of its estimates.
 
     Args:
         values: estimate from each recording, the reported one first.
-        errors: standard error of each; 0 if a recording does not determine the parameter.
+        covariance: of the estimates; 0 if a recording does not determine the parameter.
     """
-    is_informative = _is_informative(values, errors)
-    weights = 1.0 / errors[is_informative] ** 2
-    if len(weights) < 2:
+    scatter, degrees, weight, other_weight = _scatter(values, covariance)
+    if degrees < 1 or other_weight <= MIN_OTHER_WEIGHT * weight:
         return 0.0
-    total = float(weights.sum())
-    second = total - float(weights @ weights) / total
-    if second <= MIN_OTHER_WEIGHT * total:
-        return 0.0
-    return max(0.0, (_scatter(values, errors) - (len(weights) - 1)) / second)
+    return max(0.0, (scatter - degrees) / other_weight)
 
 
-def _has_scatter(values: Floats, errors: Floats, z_score: float) -> bool:
+def _has_scatter(values: Floats, covariance: Floats, z_score: float) -> bool:
     """Return whether one parameter differs between recordings by significantly more than its standard errors.
 
     Args:
         values: estimate from each recording, the reported one first.
-        errors: standard error of each; 0 if a recording does not determine the parameter.
+        covariance: of the estimates; 0 if a recording does not determine the parameter.
         z_score: above which a difference of two recordings is significant.
     """
-    degrees = int(np.sum(_is_informative(values, errors))) - 1
-    return degrees > 0 and bool(stats.chi2.sf(_scatter(values, errors), degrees) < stats.chi2.sf(z_score**2, 1))
+    scatter, degrees, _weight, _other_weight = _scatter(values, covariance)
+    return degrees > 0 and bool(stats.chi2.sf(scatter, degrees) < stats.chi2.sf(z_score**2, 1))
 
 
-def _scatter(values: Floats, errors: Floats) -> float:
-    """Return the weighted sum of squares of one parameter around its mean over the recordings that determine it."""
-    is_informative = _is_informative(values, errors)
-    values, weights = values[is_informative], 1.0 / errors[is_informative] ** 2
-    return float(weights @ (values - float(weights @ values) / float(weights.sum())) ** 2)
+def _scatter(values: Floats, covariance: Floats) -> tuple[float, int, float, float]:
+    """Return the weighted sum of squares of one parameter around its mean over the recordings that determine it.
+
+    Returns:
+        The sum; its degrees of freedom; the weight of the mean; what the sum grows by per variance between recordings.
+    """
+    is_informative = _is_informative(values, np.sqrt(np.diag(covariance)))
+    if not is_informative.any():
+        return 0.0, -1, 0.0, 0.0
+    weights = np.linalg.pinv(covariance[np.ix_(is_informative, is_informative)], hermitian=True)
+    of_mean = weights.sum(axis=0)
+    around_mean = weights - np.outer(of_mean, of_mean) / of_mean.sum()
+    values = values[is_informative]
+    return float(values @ around_mean @ values), len(values) - 1, float(of_mean.sum()), float(np.trace(around_mean))

@@ -286,8 +286,9 @@ def estimates(*pairs: tuple[float, float], from_file: float = 0.0) -> RecordingE
         pairs: value and standard error.
         from_file: the part of each error that comes from the tolerance of the file.
     """
-    values, errors = (np.array(item)[:, None] for item in zip(*pairs, strict=True))
-    return RecordingEstimates(((0, 0),), values, errors, np.full_like(errors, from_file))
+    values, errors = map(np.array, zip(*pairs, strict=True))
+    covariance = np.diag(errors**2 - from_file**2) + from_file**2
+    return RecordingEstimates(((0, 0),), values[:, None], covariance[None])
 
 
 def test_a_strength_counts_as_far_as_the_other_recordings_show_it() -> None:
@@ -338,6 +339,19 @@ def test_recordings_of_one_machine_are_compared_with_one_set_of_friction_values(
     wrong = setup.fit(found.effects, shifted, is_nominal_held=True)
     alike, apart = (recording_estimates(setup, wrong, [other], common).values[:, 0] for common in (True, False))
     assert abs(alike[1] - alike[0]) < 0.3 * abs(apart[1] - apart[0])
+
+
+def test_recordings_with_one_set_of_friction_values_differ_by_their_noise_only() -> None:
+    """A wrong file moves the gain of every recording alike. What is left of their difference is 30 times smaller."""
+    gain = (EffectSettings("actuator_gain", (0.85,)),)
+    for seed in (10, 12, 14):
+        learn, other = (motion_of(record(gain, seed + k, 8.0)) for k in (0, 1))
+        setup = RefitSetup(data_with_own_noise((learn,), MODEL.with_effects(gain)), MODEL, 0.05)
+        found = recording_estimates(setup, finish_fit(setup, setup.fit(gain)), [other], has_common_values=True)
+        one, two = found.values[:, 0]
+        variance = float(np.array([1.0, -1.0]) @ found.covariances[0] @ np.array([1.0, -1.0]))
+        assert abs(one - two) < 3.5 * np.sqrt(variance)
+        assert np.sqrt(variance) < 0.1 * float(found.errors.min())
 
 
 @pytest.mark.parametrize(("there", "is_one"), [(0.6, True), (0.4, False)])
@@ -470,13 +484,19 @@ def test_what_the_residual_does_not_depend_on_has_no_standard_error() -> None:
 
 
 def test_what_recordings_differ_by_belongs_to_the_error() -> None:
-    errors = np.array([0.1, 0.1, 0.1])
-    assert between_variance(np.array([1.0, 1.05, 0.97]), errors) == 0.0
-    z_score_between = between_variance(np.array([1.0, 2.0, 1.5]), errors)
-    assert 0.3 < np.sqrt(z_score_between) < 0.6
-    assert between_variance(np.array([1.0, 2.0]), np.array([1.0e-12, 0.5])) == 0.0, "one holds all the weight"
-    silent = between_variance(np.array([1.0, 9.0, 1.02]), np.array([0.1, 0.0, 0.1]))
-    assert silent == 0.0  # a recording that never reaches the limit says nothing about it
+    def between(*pairs: tuple[float, float], from_file: float = 0.0) -> float:
+        found = estimates(*pairs, from_file=from_file)
+        return between_variance(found.values[:, 0], found.covariances[0])
+
+    assert between((1.0, 0.1), (1.05, 0.1), (0.97, 0.1)) == 0.0
+    assert 0.3 < np.sqrt(between((1.0, 0.1), (2.0, 0.1), (1.5, 0.1))) < 0.6
+    assert between((1.0, 1.0e-12), (2.0, 0.5)) == 0.0, "one holds all the weight"
+    assert between((1.0, 0.1), (9.0, 0.0), (1.02, 0.1)) == 0.0, "one that never reaches the limit says nothing about it"
+    assert between((1.0, 0.1), (1.1, 0.1)) == 0.0
+    from_noise = between((1.0, 0.1), (1.1, 0.1), from_file=0.0999)
+    assert np.sqrt(2.0 * from_noise) == pytest.approx(0.1, rel=0.01), (
+        "what both have of the file does not tell them apart"
+    )
 
 
 def test_leaving_out_a_part_moves_the_solution_as_solving_without_it_does() -> None:
@@ -492,12 +512,12 @@ def test_leaving_out_a_part_moves_the_solution_as_solving_without_it_does() -> N
 def test_an_interval_from_three_recordings_that_differ_holds_the_truth() -> None:
     rng = np.random.default_rng(11)
     error, spread, draws = 0.05, 0.3, 2000
-    errors, held, held_without = np.full(3, error), 0, 0
+    covariance, held, held_without = error**2 * np.eye(3), 0, 0
     for _ in range(draws):
         values = 10.0 + spread * rng.normal(size=3) + error * rng.normal(size=3)
         off = abs(values[0] - 10.0) / NINETY_PERCENT
-        held += off < np.hypot(error, between_deviation(values, errors))
-        held_without += off < np.hypot(error, np.sqrt(between_variance(values, errors)))
+        held += off < np.hypot(error, between_deviation(values, covariance))
+        held_without += off < np.hypot(error, np.sqrt(between_variance(values, covariance)))
     assert held_without < 0.85 * draws < held < 0.95 * draws
 
 

@@ -146,7 +146,10 @@ def test_a_shape_that_the_stroke_does_not_determine_has_no_name(monkeypatch: pyt
         estimates = recording_estimates(*arguments)
         stroke = float(np.ptp(one.position))
         is_pitch = [effect("cogging").parameters[j].name == "pitch" for _, j in estimates.free]
-        return replace(estimates, errors=np.where(is_pitch, 0.4 * stroke, estimates.errors))
+        of_pitch = (0.4 * stroke) ** 2 * np.eye(len(estimates.values))
+        return replace(
+            estimates, covariances=np.where(np.array(is_pitch)[:, None, None], of_pitch, estimates.covariances)
+        )
 
     monkeypatch.setattr(pruning, "recording_estimates", with_wide_pitch)
     arguments = found.file_state, found.final_state, found.rounds, found.nominal, Options(workers=1, band=25.0)
