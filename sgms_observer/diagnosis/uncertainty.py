@@ -36,7 +36,8 @@ SINGULAR_SHARE = 1.0e-10
 MIN_INFORMATION = 1.0e-15
 """Smallest information on a determined parameter, as a share of the largest: what the inverse takes for zero."""
 MIN_OTHER_WEIGHT = 1.0e-9
-"""Smallest share of the weight of all other recordings for which a variance between recordings is computed."""
+"""Smallest increase of the expected scatter per variance between recordings, as a share of the weight of their mean,
+for which that variance is computed: the weight of all other recordings beside that of the most accurate one."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,8 @@ class RecordingEstimates:
         free: index (effect, parameter) of each of them.
         values: shape (1 + number of other recordings, number of parameters), SI units; the fit first.
         covariances: of the estimates of each parameter, shape (number of parameters, rows of ``values``, rows of
-            ``values``). Values of the file that are wrong are so by the same amount in all recordings of one machine,
-            which makes their errors correlate. Rows and columns are zero where a recording does not determine the
-            parameter.
+            ``values``). A wrong value of the file is the same in all recordings of one machine, so the errors
+            correlate. Rows and columns are zero where a recording does not determine the parameter.
     """
 
     free: tuple[tuple[int, int], ...]
@@ -112,8 +112,9 @@ class RecordingEstimates:
     def smaller_z_score(self, column: int, null: float, least: float) -> float:
         """Return the strength over its standard error, the smaller of that of the fit and that of the other recordings.
 
-        The others count together, positive with the sign of the fit. The size there may differ from that of the fit,
-        because the model of the contact is not exact. A recording that would not surely show the effect does not count.
+        The mean of the others counts, positive with the sign of the fit. The size there may differ from that of the
+        fit, because the model of the contact is not exact. A recording that would not surely show the effect does not
+        count.
 
         Args:
             column: of the parameter.
@@ -132,7 +133,8 @@ class RecordingEstimates:
         if not shows.any():
             return z_score_of_fit
         weights = 1.0 / errors[shows] ** 2
-        return min(z_score_of_fit, float(np.sign(strengths[0]) * (weights @ strengths[shows]) / np.sqrt(weights.sum())))
+        error = math.sqrt(float(weights @ self.covariances[column][np.ix_(shows, shows)] @ weights))
+        return min(z_score_of_fit, float(np.sign(strengths[0]) * (weights @ strengths[shows])) / error)
 
     def strength_over_scatter(self, column: int, null: float) -> float:
         """Return the mean strength of the recordings over its standard error and its deviation between them.
@@ -203,16 +205,16 @@ class _Accuracy:
         errors: standard error of each free effect parameter, SI units: the larger of the error from the noise and the
             error from the jackknife over blocks; 0 where the residual hardly depends on the parameter, as on a gap
             that lies between two steps of the encoder.
-        by_file: change of each free effect parameter with each prior row, shape (prior rows, parameters), SI units: the
-            part of the error that comes from the tolerance of the file.
-        of_coordinates: covariance of all coordinates of the fit, from the noise and from the jackknife.
+        by_prior: change of each coordinate with the error of each prior row, shape (prior rows, coordinates). The
+            coordinates are those of the fit, or the free effect parameters alone if the nominal parameters are held.
+        of_coordinates: covariance of these coordinates, from the noise and from the jackknife.
 
     Source: Efron and Stein 1981, Annals of Statistics 9(3); Bell and McCaffrey 2002, Survey Methodology 28(2), for few
     blocks, whose plain scatter (White 1980, Econometrica 48(4)) is too small, because each block was fitted.
     """
 
     errors: Floats
-    by_file: Floats
+    by_prior: Floats
     of_coordinates: tuple[Floats, Floats]
 
     @classmethod
@@ -239,9 +241,9 @@ class _Accuracy:
         is_determined = np.diag(normal)[-count:] > MIN_INFORMATION * np.max(np.diag(normal))
         errors = np.where(is_determined, np.sqrt(np.maximum(variance, 0.0)), 0.0) * found.scales
         for k, (i, j) in enumerate(found.free):
-            if effect(found.effects[i].name).parameters[j].name in DELAY_PARAMETERS:
+            if errors[k] > 0.0 and effect(found.effects[i].name).parameters[j].name in DELAY_PARAMETERS:
                 errors[k] = np.hypot(errors[k], STAMP_ERROR * data.motions[0].period / data.motions[0].step)
-        return cls(errors, by_prior[:, -count:] * found.scales, (inverse, np.asarray(scatter, dtype=np.float64)))
+        return cls(errors, by_prior, (inverse, np.asarray(scatter, dtype=np.float64)))
 
 
 def leave_one_out_shifts(parts: Sequence[Floats], normal: Floats) -> Floats:
@@ -271,7 +273,8 @@ def recording_estimates(
         has_common_values: whether the other recordings have the nominal parameters of the fit, or their own.
     """
     if not found.free:
-        return replace(RecordingEstimates.none(), values=np.zeros((1 + len(others), 0)))
+        count = 1 + len(others)
+        return RecordingEstimates((), np.zeros((count, 0)), np.zeros((0, count, count)))
     free = set(found.free)
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
     fits, data = [found], [setup.data]
@@ -280,55 +283,78 @@ def recording_estimates(
         alone = replace(setup, data=data[-1])
         fits.append(alone.fit(found.effects, found.logs, fixed, is_nominal_held=has_common_values))
     values = np.array([[fit.effects[i].values[j] for i, j in fit.free] for fit in fits])
-    whose = [False, *(has_common_values for _ in others)]
-    accuracies = [_Accuracy.of(*item) for item in zip(fits, data, whose, strict=True)]
-    whole = _covariances_with_common_values(fits, accuracies) if has_common_values else _covariances(accuracies)
+    is_held = [False, *(has_common_values for _ in others)]
+    accuracies = [_Accuracy.of(*item) for item in zip(fits, data, is_held, strict=True)]
+    covariances = (
+        _covariances_with_common_values(fits, accuracies) if has_common_values else _covariances(fits, accuracies)
+    )
     is_determined = np.array([one.errors > 0.0 for one in accuracies]).T
-    return RecordingEstimates(found.free, values, whole * is_determined[:, :, None] * is_determined[:, None, :])
+    return RecordingEstimates(found.free, values, covariances * is_determined[:, :, None] * is_determined[:, None, :])
 
 
-def _covariances(accuracies: Sequence[_Accuracy]) -> Floats:
+def _by_file(fits: Sequence[Refit], accuracies: Sequence[_Accuracy]) -> Floats:
+    """Return the change of each free effect parameter of each fit with the error of each prior row, SI units.
+
+    Returns:
+        Shape (fits, prior rows, parameters).
+    """
+    count = len(fits[0].free)
+    pairs = zip(fits, accuracies, strict=True)
+    return np.array([one.by_prior[:, -count:] * fit.scales for fit, one in pairs])
+
+
+def _covariances(fits: Sequence[Refit], accuracies: Sequence[_Accuracy]) -> Floats:
     """Return the covariances of estimates that each have nominal parameters of their own.
 
     Args:
-        accuracies: of the fits, the reported one first.
+        fits: the reported one first.
+        accuracies: of these fits.
 
     Returns:
         Shape (number of parameters, number of fits, number of fits), SI units.
     """
-    by_file = np.array([one.by_file for one in accuracies])
-    found = np.einsum("krp,lrp->pkl", by_file, by_file)
+    by_file = _by_file(fits, accuracies)
+    covariances = np.einsum("krp,lrp->pkl", by_file, by_file)
     for k, one in enumerate(accuracies):
-        found[:, k, k] = one.errors**2
-    return np.asarray(found, dtype=np.float64)
+        covariances[:, k, k] = one.errors**2
+    return np.asarray(covariances, dtype=np.float64)
 
 
 def _covariances_with_common_values(fits: Sequence[Refit], accuracies: Sequence[_Accuracy]) -> Floats:
     """Return the covariances of estimates that all have the nominal parameters of one fit.
 
-    These parameters and the effect parameters of that fit have errors together. If the nominal parameters move, the
-    estimate of another recording moves as a least-squares solution does, which is linear in them.
+    The errors of these parameters and of the effect parameters of that fit are correlated. If the nominal parameters
+    change by d, the estimate of another recording changes by -J_e^+ J_n d, with its derivatives J_e with respect to the
+    effect parameters and J_n with respect to the nominal ones. That neglects that a parameter at the end of its
+    range stays there. Prior rows that depend on effect parameters are the same in all fits.
 
     Args:
         fits: the fit itself, then those of the other recordings, with derivatives at their solutions.
         accuracies: of these fits.
 
     Returns:
-        Shape as above.
+        Shape (number of parameters, number of fits, number of fits), SI units.
     """
-    count = len(fits[0].free)
-    moves = [np.hstack([np.zeros((count, fits[0].jacobian.shape[1] - count)), np.eye(count)])]
-    for fit in fits[1:]:
-        by_nominal = np.linalg.pinv(fit.jacobian[:, -count:]) @ fit.jacobian[:, :-count]
-        moves.append(np.hstack([-by_nominal, np.zeros((count, count))]))
-    scaled = np.array([fit.scales[:, None] * move for fit, move in zip(fits, moves, strict=True)])
-    by_noise, by_blocks = (np.einsum("kpi,ij,lpj->pkl", scaled, one, scaled) for one in accuracies[0].of_coordinates)
+    count, by_file, by_prior = len(fits[0].free), _by_file(fits, accuracies), accuracies[0].by_prior
+    rows, coordinates = by_prior.shape
+    of_fit = np.zeros((count, coordinates + rows))
+    of_fit[:, coordinates - count : coordinates] = np.diag(fits[0].scales)
+    derivatives = [of_fit]
+    for fit, one, of_file in zip(fits[1:], accuracies[1:], by_file[1:], strict=True):
+        of_effects, of_nominal = fit.jacobian[:, -count:], fit.jacobian[:, :-count]
+        by_nominal = one.of_coordinates[0] @ of_effects.T @ of_nominal
+        derivatives.append(np.hstack([-fit.scales[:, None] * by_nominal, np.zeros((count, count)), of_file.T]))
+    slopes = np.array(derivatives)
+    by_noise, by_blocks = (
+        np.einsum("kpi,ij,lpj->pkl", slopes, np.block([[one, by_prior.T], [by_prior, np.eye(rows)]]), slopes)
+        for one in accuracies[0].of_coordinates
+    )
     is_larger = by_blocks[:, 0, 0] > by_noise[:, 0, 0]
-    found = np.where(is_larger[:, None, None], by_blocks, by_noise)
-    found[:, 0, 0] = accuracies[0].errors ** 2
+    covariances = np.where(is_larger[:, None, None], by_blocks, by_noise)
+    covariances[:, 0, 0] = accuracies[0].errors ** 2
     for k, one in enumerate(accuracies[1:], start=1):
-        found[:, k, k] += one.errors**2
-    return np.asarray(found, dtype=np.float64)
+        covariances[:, k, k] += np.maximum(one.errors**2 - np.sum(by_file[k] ** 2, axis=0), 0.0)
+    return np.asarray(covariances, dtype=np.float64)
 
 
 def between_deviation(values: Floats, covariance: Floats) -> float:
@@ -383,13 +409,18 @@ def _scatter(values: Floats, covariance: Floats) -> tuple[float, int, float, flo
     """Return the weighted sum of squares of one parameter around its mean over the recordings that determine it.
 
     Returns:
-        The sum; its degrees of freedom; the weight of the mean; what the sum grows by per variance between recordings.
+        The sum; its degrees of freedom; the weight of the mean; the increase of the expected sum per unit of variance
+        between recordings.
     """
-    is_informative = _is_informative(values, np.sqrt(np.diag(covariance)))
-    if not is_informative.any():
-        return 0.0, -1, 0.0, 0.0
-    weights = np.linalg.pinv(covariance[np.ix_(is_informative, is_informative)], hermitian=True)
+    errors = np.sqrt(np.diag(covariance))
+    at = np.flatnonzero(_is_informative(values, errors))
+    if len(at) < 2:
+        return 0.0, 0, 0.0, 0.0
+    values, products = values[at], np.outer(errors[at], errors[at])
+    sizes, directions = np.linalg.eigh(covariance[np.ix_(at, at)] / products)
+    is_known = sizes > len(at) * np.finfo(np.float64).eps  # estimates with one error in common do not differ by it
+    weights = (directions[:, is_known] / sizes[is_known]) @ directions[:, is_known].T / products
     of_mean = weights.sum(axis=0)
-    around_mean = weights - np.outer(of_mean, of_mean) / of_mean.sum()
-    values = values[is_informative]
-    return float(values @ around_mean @ values), len(values) - 1, float(of_mean.sum()), float(np.trace(around_mean))
+    around = values - float(of_mean @ values) / float(of_mean.sum())
+    growth = float(np.trace(weights - np.outer(of_mean, of_mean) / of_mean.sum()))
+    return float(around @ weights @ around), int(np.sum(is_known)) - 1, float(of_mean.sum()), growth

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -31,6 +31,8 @@ from sgms_observer.diagnosis.search import TRIAL_SHARE
 from sgms_observer.diagnosis.sliding_force import start_logs
 from sgms_observer.diagnosis.uncertainty import (
     RecordingEstimates,
+    _Accuracy,
+    _covariances_with_common_values,
     as_time_series,
     between_deviation,
     between_variance,
@@ -304,6 +306,8 @@ def test_a_strength_counts_as_far_as_the_other_recordings_show_it() -> None:
     assert z_score((0.6, 0.05), (0.0, 0.5)) == pytest.approx(12.0), "would not surely show it"
     assert z_score((0.6, 0.05), (9.0, 0.0)) == pytest.approx(12.0), "says nothing of it"
     assert z_score((0.6, 0.05), (0.2, 0.1), (0.3, 0.1)) == pytest.approx(0.25 / 0.1 * np.sqrt(2.0)), "the mean of two"
+    same_file = estimates((0.6, 0.05), (0.2, 0.1), (0.3, 0.1), from_file=0.05).smaller_z_score(0, 0.0, 3.0)
+    assert same_file == pytest.approx(0.25 / np.hypot(np.sqrt(0.0075 / 2.0), 0.05)), "both have the same wrong file"
 
 
 def test_a_strength_counts_as_far_as_recordings_agree_on_it() -> None:
@@ -342,16 +346,53 @@ def test_recordings_of_one_machine_are_compared_with_one_set_of_friction_values(
 
 
 def test_recordings_with_one_set_of_friction_values_differ_by_their_noise_only() -> None:
-    """A wrong file moves the gain of every recording alike. What is left of their difference is 30 times smaller."""
+    """A wrong file moves the gain of every recording alike. What is left of their difference is 28 times smaller."""
     gain = (EffectSettings("actuator_gain", (0.85,)),)
-    for seed in (10, 12, 14):
-        learn, other = (motion_of(record(gain, seed + k, 8.0)) for k in (0, 1))
+    for seed in (10, 13, 16):
+        learn, *others = (motion_of(record(gain, seed + k, 8.0)) for k in range(3))
         setup = RefitSetup(data_with_own_noise((learn,), MODEL.with_effects(gain)), MODEL, 0.05)
-        found = recording_estimates(setup, finish_fit(setup, setup.fit(gain)), [other], has_common_values=True)
-        one, two = found.values[:, 0]
-        variance = float(np.array([1.0, -1.0]) @ found.covariances[0] @ np.array([1.0, -1.0]))
-        assert abs(one - two) < 3.5 * np.sqrt(variance)
-        assert np.sqrt(variance) < 0.1 * float(found.errors.min())
+        fit = finish_fit(setup, setup.fit(gain))
+        found = recording_estimates(setup, fit, others, has_common_values=True)
+        for one, other in ((0, 1), (0, 2), (1, 2)):
+            at = np.ix_([one, other], [one, other])
+            error = float(np.sqrt(np.array([1.0, -1.0]) @ found.covariances[0][at] @ np.array([1.0, -1.0])))
+            assert abs(found.values[one, 0] - found.values[other, 0]) < 3.5 * error
+            assert error < 0.1 * float(found.errors.min())
+    alone = recording_estimates(setup, fit, others)
+    assert alone.covariances[0, 0, 1] > 0.9 * alone.errors[0, 0] * alone.errors[1, 0], "the same wrong file"
+
+
+def test_estimates_with_one_set_of_friction_values_have_the_covariance_of_a_linear_model() -> None:
+    """Prior rows may hold effect parameters too: of an effect of the file, and of those that share a sliding force."""
+    rng = np.random.default_rng(3)
+    nominal, count, rows, fits = 3, 2, 60, []
+    prior = np.hstack([np.diag([2.0, 3.0, 4.0]), np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 2.0]])])
+    for _ in range(3):
+        jacobian = np.vstack([rng.normal(size=(rows, nominal + count)), prior])
+        fits.append(SimpleNamespace(jacobian=jacobian, scales=np.array([0.5, 2.0]), free=((0, 0), (0, 1))))
+    accuracies, by_source = [], []
+    for fit, used in zip(fits, (slice(None), slice(nominal, None), slice(nominal, None)), strict=True):
+        columns = fit.jacobian[:, used]
+        solution = np.linalg.solve(columns.T @ columns, columns.T)  # of all rows
+        errors = np.sqrt(np.sum(solution[-count:] ** 2, axis=1)) * fit.scales
+        inverse = solution @ solution.T
+        accuracies.append(_Accuracy(errors, solution[:, rows:].T, (inverse, np.zeros_like(inverse))))
+        by_source.append(solution)
+    first, changes = (
+        by_source[0],
+        [],
+    )  # change of each estimate with (noise of recording 0, 1, 2, error of the prior rows)
+    for k, (fit, solution) in enumerate(zip(fits, by_source, strict=True)):
+        change = np.zeros((count, 3 * rows + len(prior)))
+        change[:, k * rows : (k + 1) * rows] += solution[-count:, :rows]
+        change[:, 3 * rows :] += solution[-count:, rows:]
+        if k:
+            of_nominal = -solution @ fit.jacobian[:, :nominal]
+            change[:, :rows] += of_nominal @ first[:nominal, :rows]
+            change[:, 3 * rows :] += of_nominal @ first[:nominal, rows:]
+        changes.append(fit.scales[:, None] * change)
+    expected = np.einsum("kps,lps->pkl", changes, changes)
+    assert _covariances_with_common_values(cast(Any, fits), accuracies) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(("there", "is_one"), [(0.6, True), (0.4, False)])
@@ -377,7 +418,7 @@ def test_two_recordings_hardly_tell_how_much_a_size_scatters() -> None:
 def test_a_scatter_that_is_not_significant_keeps_no_gain_within_the_tolerance() -> None:
     """Two recordings of second with a gain: 0.869 and 0.892 with values of their own, 0.869 twice with those of one."""
     alone = estimates((0.869, 0.0098), (0.892, 0.0098))
-    common = estimates((0.869, 0.0098), (0.8689, 5.0e-5))
+    common = estimates((0.869, 0.0098), (0.8689, 0.0098), from_file=0.00979)
     unused: Any = None
     after: Any = SimpleNamespace(model=MODEL, effects=(EffectSettings("actuator_gain", (0.869,)),))
     written = WrittenFits(unused, after, unused, alone, alone, common)
@@ -387,8 +428,8 @@ def test_a_scatter_that_is_not_significant_keeps_no_gain_within_the_tolerance() 
     assert beyond == pytest.approx((1.0 / 0.869 - 1.05) / (0.0098 / 0.869))
     assert written.error_of_value(0, 1.645) == pytest.approx(0.0098)
     assert written.errors[0, 0] > 4.0 * 0.0098, "the reported interval holds every scatter"
-    differing = replace(written, with_common_values=estimates((0.869, 0.0098), (0.92, 5.0e-5)))
-    assert differing.error_of_value(0, 1.645) > 4.0 * 0.0098
+    differing = replace(written, with_common_values=estimates((0.90, 0.01), (0.92, 0.01), from_file=0.00999))
+    assert differing.error_of_value(0, 1.645) > 4.0 * 0.01, "with one file, a difference of two errors is sure"
     assert written.error_of_value(1, 1.645) == 0.0, "no free value"
 
 
@@ -491,6 +532,7 @@ def test_what_recordings_differ_by_belongs_to_the_error() -> None:
     assert between((1.0, 0.1), (1.05, 0.1), (0.97, 0.1)) == 0.0
     assert 0.3 < np.sqrt(between((1.0, 0.1), (2.0, 0.1), (1.5, 0.1))) < 0.6
     assert between((1.0, 1.0e-12), (2.0, 0.5)) == 0.0, "one holds all the weight"
+    assert 0.3 < np.sqrt(between((1.0, 1.0e-5), (2.0, 0.1), (1.5, 0.1))) < 1.0, "an accurate one counts"
     assert between((1.0, 0.1), (9.0, 0.0), (1.02, 0.1)) == 0.0, "one that never reaches the limit says nothing about it"
     assert between((1.0, 0.1), (1.1, 0.1)) == 0.0
     from_noise = between((1.0, 0.1), (1.1, 0.1), from_file=0.0999)

@@ -34,9 +34,9 @@ def test_step_solves_the_formula(u0: float, travel: float, gain: float) -> None:
     assert abs(residual) <= 1e-12 * (1.0 + travel) * 1000.0  # lambda amplifies the rounding of u
 
 
-@pytest.mark.parametrize("lam", [10.0, 100.0, 1000.0, 10000.0])
+@pytest.mark.parametrize("lam", [1000.0, 10000.0])
 def test_step_solves_the_formula_next_to_every_reversal(lam: float) -> None:
-    """A sliding element that has just reversed sits on the cliff of eq. 6, where Newton iterations alone may cycle."""
+    """A sliding element that has just reversed lies on the steep part of eq. 6, where Newton iterations may cycle."""
     for u0 in -np.linspace(0.95, 1.05, 101):
         for travel in np.geomspace(1.0e-3, 1.0, 13):
             for gain in np.geomspace(1.0e-3, 30.0, 13):
