@@ -157,14 +157,14 @@ def _decided_with_noise_it_leaves(
     if evaluation.criteria.is_noise(largest_noise(evaluation.fit_data.noise).rms, largest_noise(data.noise).rms):
         return None
 
-    def fitted(one: Refit) -> Refit:
-        found = replace(item.setup, data=data).fit(one.effects, one.logs)
-        return item.setup.fit(found.effects, found.logs, evaluations=1)  # whitened as all others are
+    def fitted(setup: RefitSetup, one: Refit) -> Refit:
+        found = replace(setup, data=data).fit(one.effects, one.logs)
+        return setup.fit(found.effects, found.logs, evaluations=1)  # whitened as all others are
 
-    again = fitted(before)
+    again = fitted(item.setup_without, before)
     if evaluation.rms(again.model) < evaluation.rms(before.model):
         before, earlier = again, evidence_of(again, evaluation)
-    return _decided(replace(item, refit=fitted(item.refit)), before, earlier, evaluation, is_rival)
+    return _decided(replace(item, refit=fitted(item.setup, item.refit)), before, earlier, evaluation, is_rival)
 
 
 def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData, is_rival: bool) -> Decision:
@@ -461,12 +461,14 @@ def hidden_contact_tests(item: Candidate, before: Refit, evaluation: EvaluationD
     if evaluation.hidden_by_encoder <= HALF_A_REVERSAL or not can_be_freed(item.setup, CHANGED_CONTACT_LAW):
         return []
     assert item.settings is not None
-    changed = changed_candidate(item.setup, before, CHANGED_CONTACT_LAW)
-    both = changed.setup.fit(with_effect(changed.refit.effects, item.settings), changed.refit.logs)
+    changed = changed_candidate(item.setup_without, before, CHANGED_CONTACT_LAW)
+    setup = replace(changed.setup, held_effects=item.setup.held_effects)
+    both = setup.fit(with_effect(changed.refit.effects, item.settings), changed.refit.logs)
     data = data_with_own_noise(evaluation.fit_motions, both.model)
     held_out = data_with_noise_of(evaluation.held_out_data.motions, data, both.model)
-    setup, evaluation = replace(changed.setup, data=data), replace(evaluation, fit_data=data, held_out_data=held_out)
-    gain = improvement(*(evidence_of(finish_fit(setup, one), evaluation).all for one in (changed.refit, both)))
+    evaluation = replace(evaluation, fit_data=data, held_out_data=held_out)
+    fits = (changed.setup, changed.refit), (setup, both)
+    gain = improvement(*(evidence_of(finish_fit(replace(one, data=data), fit), evaluation).all for one, fit in fits))
     title = "z-score beside another contact law, where the encoder hides the contact"
     return [at_least(item.name, title, gain.z_score, evaluation.criteria.min_z_score)]
 

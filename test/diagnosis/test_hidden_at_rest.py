@@ -10,7 +10,7 @@ import pytest
 from workflow_case import AXIS, evaluation_of, record, rich_position
 
 from sgms_observer.diagnosis.answer import verdict_of
-from sgms_observer.diagnosis.candidates import Candidate, finish_fit
+from sgms_observer.diagnosis.candidates import Candidate, finish_fit, with_free_effect
 from sgms_observer.diagnosis.criteria import at_least, at_most
 from sgms_observer.diagnosis.decision import hidden_contact_tests
 from sgms_observer.diagnosis.diagnosis import Options, accepted_candidates
@@ -33,6 +33,7 @@ from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings, EncoderSettings, StageSettings
 
 COGGING = EffectSettings("cogging", (0.8, 0.011, 0.4, 0.0, 0.0))
+OFFSET = EffectSettings("offset", (1.0,))
 MODEL = Model.of(AXIS)
 COARSE = 2.0e-6  # m; the force falls by 80 % of the Coulomb force when the contact goes back by as much
 SECONDS = 18.0
@@ -194,11 +195,17 @@ def test_what_a_contact_can_imitate_has_a_name_only_where_the_encoder_shows_the_
     assert any("too coarse for the contact" in text for text in found.warnings) is not is_shown
 
 
-@pytest.mark.parametrize("hidden, name", [((), "position_dependent_friction"), ((COGGING,), "cogging")])
+@pytest.mark.parametrize(
+    "hidden, name, is_listed",
+    [((), "position_dependent_friction", False), ((COGGING,), "cogging", False), ((OFFSET,), "offset", True)],
+)
 def test_behind_a_coarse_encoder_an_effect_also_has_to_improve_another_contact_law(
-    hidden: tuple[EffectSettings, ...], name: str
+    hidden: tuple[EffectSettings, ...], name: str, is_listed: bool
 ) -> None:
-    """A smaller Coulomb force than that of the file is no friction that is smaller nearly everywhere."""
+    """A smaller Coulomb force than that of the file is no friction that is smaller nearly everywhere.
+
+    A file that lists the effect with no size changes nothing: the other contact law is fitted with that size.
+    """
     learn, judge = (motion_of(record(hidden, seed=seed, duration=12.0, period=0.004)) for seed in (1, 2))
     friction = MODEL.friction
     file = replace(
@@ -208,9 +215,12 @@ def test_behind_a_coarse_encoder_an_effect_also_has_to_improve_another_contact_l
         ),
     )
     shown = evaluation_of([learn], MODEL.with_effects(hidden), [judge])
-    setup = RefitSetup(shown.fit_data, file, 0.05)
-    before = finish_fit(setup, setup.fit(()))
-    start = COGGING if name == "cogging" else EffectSettings(name, (-0.2, 0.0, 0.03))
+    listed = (EffectSettings(name, (0.0,)),) if is_listed else ()
+    held = RefitSetup(shown.fit_data, file, 0.05, held_effects=frozenset(one.name for one in listed))
+    held = replace(held, file_effects=listed)
+    before = finish_fit(held, held.fit(listed))
+    start = hidden[0] if hidden else EffectSettings(name, (-0.2, 0.0, 0.03))
+    setup = with_free_effect(held, name)
     item = Candidate(name, setup, finish_fit(setup, setup.fit((start,), before.logs)), 1)
     assert improvement(evidence_of(before, shown).all, evidence_of(item.refit, shown).all).z_score > 3.0
     assert hidden_contact_tests(item, before, shown) == []
