@@ -19,6 +19,7 @@ from sgms_observer.cli.main import main
 from sgms_observer.errors import DataError
 from sgms_observer.nodes import conductor as conductor_module
 from sgms_observer.nodes.conductor import Conductor, prepare_graph
+from sgms_observer.shipped import shipped_file
 
 _PAUSE = 12.0  # s; a relay starts, is served and ends within this time on a loaded machine
 
@@ -40,8 +41,16 @@ def test_live_run_of_several_axes_at_another_rate(tmp_path: Path) -> None:
 
 
 def test_no_sample_is_sent_before_the_listener_hears_the_relay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A listener that is paused while the relay starts discovers it late; every message of the relay was lost."""
-    start = Conductor.start
+    """A listener that is paused while the relay starts discovers it late; every message of the relay was lost.
+
+    It is paused for longer than a participant may be silent (5 s), so the others have to be more patient: an observer
+    that forgets it may find it again a second later than the relay does.
+    """
+    start, profile = Conductor.start, tmp_path / "patient.xml"
+    shipped, lease = shipped_file("config", "fastdds.xml").read_text(encoding="utf-8"), "<sec>5</sec>"
+    assert shipped.count(lease) == 1
+    profile.write_text(shipped.replace(lease, "<sec>60</sec>"), encoding="utf-8")
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
 
     def start_and_pause(self: Conductor, name: str, module: str, arguments: Sequence[str]) -> None:
         if name == "relay":
