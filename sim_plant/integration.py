@@ -21,7 +21,6 @@ reset_gain_paper: Callable[..., float] = njit(formulas.reset_gain_paper)
 reset_gain_rate_independent: Callable[..., float] = njit(formulas.reset_gain_rate_independent)
 
 _MAX_ITERATIONS = 60
-_MAX_SECANT_ITERATIONS = 25  # from then on the bracket is halved, which always converges
 _RELATIVE_TOLERANCE = 1e-7
 _ABSOLUTE_TOLERANCE = 1e-13  # m/s
 
@@ -199,7 +198,7 @@ def substep(
     before, before_residual = math.nan, 0.0
     middle = motion.velocity + 0.5 * period * expected_acceleration
     total, damped, effect_force = 0.0, 0.0, 0.0
-    for iteration in range(_MAX_ITERATIONS):
+    for _ in range(_MAX_ITERATIONS):
         level = level_of(friction, middle)
         factor = 1.0
         if effects.kinds.shape[0] > 0:
@@ -230,10 +229,9 @@ def substep(
                 slope = secant
         before, before_residual = middle, residual
         middle -= residual / slope
-        is_bracketed = not math.isinf(high - low)
-        if not low < middle < high and not is_bracketed:
-            break
-        if is_bracketed and (iteration >= _MAX_SECANT_ITERATIONS or not low < middle < high):
+        if not low < middle < high:
+            if math.isinf(high - low):
+                break
             middle = 0.5 * (low + high)
     force[:] = next_force
     mode[:] = next_mode

@@ -59,12 +59,6 @@ class Candidate:
         return next((item for item in self.refit.effects if item.name == self.name), None)
 
     @property
-    def setup_without(self) -> RefitSetup:
-        """Return the setup of a fit without it: an effect of the file keeps the values of the file."""
-        of_file = {item.name for item in self.setup.file_effects}
-        return replace(self.setup, held_effects=self.setup.held_effects | ({self.name} & of_file))
-
-    @property
     def is_contact_law(self) -> bool:
         """Return whether it is an effect that only describes another contact law."""
         return self.settings is not None and is_contact_law(self.name)

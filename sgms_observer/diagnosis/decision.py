@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sgms_observer.arrays import Floats
-from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, finish_fit, with_effect
+from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, finish_fit, with_effect, with_free_effect
 from sgms_observer.diagnosis.changed_contact import CHANGED_CONTACT_LAW, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.coordinates import free_form_coordinates, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
@@ -161,7 +161,8 @@ def _decided_with_noise_it_leaves(
         found = replace(setup, data=data).fit(one.effects, one.logs)
         return setup.fit(found.effects, found.logs, evaluations=1)  # whitened as all others are
 
-    again = fitted(item.setup_without, before)
+    without, _ = item.setup.without(item.name, before.effects)
+    again = fitted(without, before)
     if evaluation.rms(again.model) < evaluation.rms(before.model):
         before, earlier = again, evidence_of(again, evaluation)
     return _decided(replace(item, refit=fitted(item.setup, item.refit)), before, earlier, evaluation, is_rival)
@@ -461,8 +462,9 @@ def hidden_contact_tests(item: Candidate, before: Refit, evaluation: EvaluationD
     if evaluation.hidden_by_encoder <= HALF_A_REVERSAL or not can_be_freed(item.setup, CHANGED_CONTACT_LAW):
         return []
     assert item.settings is not None
-    changed = changed_candidate(item.setup_without, before, CHANGED_CONTACT_LAW)
-    setup = replace(changed.setup, held_effects=item.setup.held_effects)
+    without, _ = item.setup.without(item.name, before.effects)
+    changed = changed_candidate(without, before, CHANGED_CONTACT_LAW)
+    setup = with_free_effect(changed.setup, item.name)
     both = setup.fit(with_effect(changed.refit.effects, item.settings), changed.refit.logs)
     data = data_with_own_noise(evaluation.fit_motions, both.model)
     held_out = data_with_noise_of(evaluation.held_out_data.motions, data, both.model)

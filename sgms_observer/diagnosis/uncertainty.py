@@ -36,8 +36,8 @@ SINGULAR_SHARE = 1.0e-10
 MIN_INFORMATION = 1.0e-15
 """Smallest information on a determined parameter, as a share of the largest: what the inverse takes for zero."""
 MIN_OTHER_WEIGHT = 1.0e-9
-"""Smallest increase of the expected scatter per variance between recordings, as a share of the weight of their mean,
-for which that variance is computed: the weight of all other recordings beside that of the most accurate one."""
+"""Smallest weight of all other recordings beside that of the most accurate one, as a share of the weight of their mean,
+for which a variance between recordings is computed."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ class RecordingEstimates:
     covariances: Floats
 
     @classmethod
-    def none(cls) -> RecordingEstimates:
-        """Return the estimates of a fit without free effect parameters."""
-        return cls((), np.zeros((1, 0)), np.zeros((0, 1, 1)))
+    def none(cls, count: int = 1) -> RecordingEstimates:
+        """Return the estimates of ``count`` fits without free effect parameters."""
+        return cls((), np.zeros((count, 0)), np.zeros((0, count, count)))
 
     @cached_property
     def errors(self) -> Floats:
@@ -86,8 +86,8 @@ class RecordingEstimates:
 
         Source: Cochran 1954, Biometrics 10(1): the weighted sum of squares as a test of homogeneity.
         """
-        pairs = list(zip(self.values.T, self.covariances, strict=True))
-        between = [between_deviation(*pair) if _has_scatter(*pair, z_score) else 0.0 for pair in pairs]
+        scatters = [Scatter.of(*pair) for pair in zip(self.values.T, self.covariances, strict=True)]
+        between = [one.deviation if one.is_significant(z_score) else 0.0 for one in scatters]
         return np.asarray(np.hypot(self.errors[0], between), dtype=np.float64)
 
     def linear(self, effects: Sequence[EffectSettings]) -> RecordingEstimates:
@@ -161,7 +161,7 @@ class RecordingEstimates:
         weights /= weights.sum()
         mean = np.sign(values[0] - null) * float(weights @ (values[counts] - null))
         variance = float(weights @ covariance[np.ix_(counts, counts)] @ weights)
-        return max(0.0, float(mean)) / math.sqrt(variance + between_variance(values, covariance))
+        return max(0.0, float(mean)) / math.sqrt(variance + Scatter.of(values, covariance).variance)
 
     def size_over(self, column: int, null: float, deviation: float) -> float:
         """Return the strength of the fit over a deviation; infinite if the fit has no error of the parameter.
@@ -192,13 +192,8 @@ def as_time_series(whitened: Floats, data: WhitenedData) -> list[Floats]:
     return series
 
 
-def standard_errors(found: Refit, data: WhitenedData) -> Floats:
-    """Return the standard error of each free effect parameter of a fit, SI units, see ``_Accuracy``."""
-    return _Accuracy.of(found, data, is_nominal_held=False).errors
-
-
 @dataclass(frozen=True)
-class _Accuracy:
+class Accuracy:
     """How accurately a fit determines its free effect parameters.
 
     Attributes:
@@ -218,7 +213,7 @@ class _Accuracy:
     of_coordinates: tuple[Floats, Floats]
 
     @classmethod
-    def of(cls, found: Refit, data: WhitenedData, is_nominal_held: bool) -> _Accuracy:
+    def of(cls, found: Refit, data: WhitenedData, is_nominal_held: bool) -> Accuracy:
         """Return the accuracy of a fit with at least one free effect parameter.
 
         Args:
@@ -273,8 +268,7 @@ def recording_estimates(
         has_common_values: whether the other recordings have the nominal parameters of the fit, or their own.
     """
     if not found.free:
-        count = 1 + len(others)
-        return RecordingEstimates((), np.zeros((count, 0)), np.zeros((0, count, count)))
+        return RecordingEstimates.none(1 + len(others))
     free = set(found.free)
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
     fits, data = [found], [setup.data]
@@ -284,15 +278,15 @@ def recording_estimates(
         fits.append(alone.fit(found.effects, found.logs, fixed, is_nominal_held=has_common_values))
     values = np.array([[fit.effects[i].values[j] for i, j in fit.free] for fit in fits])
     is_held = [False, *(has_common_values for _ in others)]
-    accuracies = [_Accuracy.of(*item) for item in zip(fits, data, is_held, strict=True)]
+    accuracies = [Accuracy.of(*item) for item in zip(fits, data, is_held, strict=True)]
     covariances = (
-        _covariances_with_common_values(fits, accuracies) if has_common_values else _covariances(fits, accuracies)
+        covariances_with_common_values(fits, accuracies) if has_common_values else _covariances(fits, accuracies)
     )
     is_determined = np.array([one.errors > 0.0 for one in accuracies]).T
     return RecordingEstimates(found.free, values, covariances * is_determined[:, :, None] * is_determined[:, None, :])
 
 
-def _by_file(fits: Sequence[Refit], accuracies: Sequence[_Accuracy]) -> Floats:
+def _by_file(fits: Sequence[Refit], accuracies: Sequence[Accuracy]) -> Floats:
     """Return the change of each free effect parameter of each fit with the error of each prior row, SI units.
 
     Returns:
@@ -303,7 +297,7 @@ def _by_file(fits: Sequence[Refit], accuracies: Sequence[_Accuracy]) -> Floats:
     return np.array([one.by_prior[:, -count:] * fit.scales for fit, one in pairs])
 
 
-def _covariances(fits: Sequence[Refit], accuracies: Sequence[_Accuracy]) -> Floats:
+def _covariances(fits: Sequence[Refit], accuracies: Sequence[Accuracy]) -> Floats:
     """Return the covariances of estimates that each have nominal parameters of their own.
 
     Args:
@@ -320,7 +314,7 @@ def _covariances(fits: Sequence[Refit], accuracies: Sequence[_Accuracy]) -> Floa
     return np.asarray(covariances, dtype=np.float64)
 
 
-def _covariances_with_common_values(fits: Sequence[Refit], accuracies: Sequence[_Accuracy]) -> Floats:
+def covariances_with_common_values(fits: Sequence[Refit], accuracies: Sequence[Accuracy]) -> Floats:
     """Return the covariances of estimates that all have the nominal parameters of one fit.
 
     The errors of these parameters and of the effect parameters of that fit are correlated. If the nominal parameters
@@ -357,70 +351,71 @@ def _covariances_with_common_values(fits: Sequence[Refit], accuracies: Sequence[
     return np.asarray(covariances, dtype=np.float64)
 
 
-def between_deviation(values: Floats, covariance: Floats) -> float:
-    """Return the standard deviation of one parameter between recordings, beyond its standard errors.
-
-    Args:
-        values: estimate from each recording, the reported one first.
-        covariance: of the estimates; 0 if a recording does not determine the parameter.
-
-    Returns:
-        The deviation times a factor that turns the normal 90 % interval into that of Student's distribution.
-
-    Source: Hartung and Knapp 2001, Statistics in Medicine 20(24).
-    """
-    degrees = int(np.sum(_is_informative(values, np.sqrt(np.diag(covariance))))) - 1
-    if degrees < 1:
-        return 0.0
-    return float(np.sqrt(between_variance(values, covariance)) * stats.t.ppf(0.95, degrees) / stats.norm.ppf(0.95))
-
-
 def _is_informative(values: Floats, errors: Floats) -> Booleans:
     """Return whether each recording determines the parameter."""
     return np.asarray((errors > 0.0) & np.isfinite(errors) & (errors < max(abs(float(values[0])), 1e-300)))
 
 
-def between_variance(values: Floats, covariance: Floats) -> float:
-    """Return the variance of one parameter between recordings, beyond the covariance of its estimates.
+@dataclass(frozen=True)
+class Scatter:
+    """How much one parameter differs between the recordings that determine it.
 
-    Args:
-        values: estimate from each recording, the reported one first.
-        covariance: of the estimates; 0 if a recording does not determine the parameter.
+    Attributes:
+        squares: weighted sum of squares around the mean.
+        degrees: of freedom of this sum.
+        growth: increase of the expected sum per unit of variance between recordings.
+        weight: of the mean.
     """
-    scatter, degrees, weight, other_weight = _scatter(values, covariance)
-    if degrees < 1 or other_weight <= MIN_OTHER_WEIGHT * weight:
-        return 0.0
-    return max(0.0, (scatter - degrees) / other_weight)
 
+    squares: float
+    degrees: int
+    growth: float
+    weight: float
 
-def _has_scatter(values: Floats, covariance: Floats, z_score: float) -> bool:
-    """Return whether one parameter differs between recordings by significantly more than its standard errors.
+    @classmethod
+    def of(cls, values: Floats, covariance: Floats) -> Scatter:
+        """Return the scatter of one parameter.
 
-    Args:
-        values: estimate from each recording, the reported one first.
-        covariance: of the estimates; 0 if a recording does not determine the parameter.
-        z_score: above which a difference of two recordings is significant.
-    """
-    scatter, degrees, _weight, _other_weight = _scatter(values, covariance)
-    return degrees > 0 and bool(stats.chi2.sf(scatter, degrees) < stats.chi2.sf(z_score**2, 1))
+        Args:
+            values: estimate from each recording, the reported one first.
+            covariance: of the estimates; 0 if a recording does not determine the parameter.
+        """
+        errors = np.sqrt(np.diag(covariance))
+        at = np.flatnonzero(_is_informative(values, errors))
+        if len(at) < 2:
+            return cls(0.0, 0, 0.0, 0.0)
+        values, products = values[at], np.outer(errors[at], errors[at])
+        sizes, directions = np.linalg.eigh(covariance[np.ix_(at, at)] / products)
+        is_known = sizes > len(at) * np.finfo(np.float64).eps  # estimates with one error in common do not differ by it
+        weights = (directions[:, is_known] / sizes[is_known]) @ directions[:, is_known].T / products
+        of_mean = weights.sum(axis=0)
+        around = values - float(of_mean @ values) / float(of_mean.sum())
+        growth = float(np.trace(weights - np.outer(of_mean, of_mean) / of_mean.sum()))
+        return cls(float(around @ weights @ around), int(np.sum(is_known)) - 1, growth, float(of_mean.sum()))
 
+    @property
+    def variance(self) -> float:
+        """Return the variance between recordings, beyond the covariance of the estimates."""
+        if self.degrees < 1 or self.growth <= MIN_OTHER_WEIGHT * self.weight:
+            return 0.0
+        return max(0.0, (self.squares - self.degrees) / self.growth)
 
-def _scatter(values: Floats, covariance: Floats) -> tuple[float, int, float, float]:
-    """Return the weighted sum of squares of one parameter around its mean over the recordings that determine it.
+    @property
+    def deviation(self) -> float:
+        """Return the deviation between recordings, beyond the covariance of the estimates.
 
-    Returns:
-        The sum; its degrees of freedom; the weight of the mean; the increase of the expected sum per unit of variance
-        between recordings.
-    """
-    errors = np.sqrt(np.diag(covariance))
-    at = np.flatnonzero(_is_informative(values, errors))
-    if len(at) < 2:
-        return 0.0, 0, 0.0, 0.0
-    values, products = values[at], np.outer(errors[at], errors[at])
-    sizes, directions = np.linalg.eigh(covariance[np.ix_(at, at)] / products)
-    is_known = sizes > len(at) * np.finfo(np.float64).eps  # estimates with one error in common do not differ by it
-    weights = (directions[:, is_known] / sizes[is_known]) @ directions[:, is_known].T / products
-    of_mean = weights.sum(axis=0)
-    around = values - float(of_mean @ values) / float(of_mean.sum())
-    growth = float(np.trace(weights - np.outer(of_mean, of_mean) / of_mean.sum()))
-    return float(around @ weights @ around), int(np.sum(is_known)) - 1, float(of_mean.sum()), growth
+        It is multiplied by a factor that turns the normal 90 % interval into that of Student's distribution.
+
+        Source: Hartung and Knapp 2001, Statistics in Medicine 20(24).
+        """
+        if self.degrees < 1:
+            return 0.0
+        return math.sqrt(self.variance) * float(stats.t.ppf(0.95, self.degrees) / stats.norm.ppf(0.95))
+
+    def is_significant(self, z_score: float) -> bool:
+        """Return whether the recordings differ by significantly more than their standard errors.
+
+        Args:
+            z_score: above which a difference of two recordings is significant.
+        """
+        return self.degrees > 0 and bool(stats.chi2.sf(self.squares, self.degrees) < stats.chi2.sf(z_score**2, 1))

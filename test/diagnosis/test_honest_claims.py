@@ -30,15 +30,13 @@ from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.search import TRIAL_SHARE
 from sgms_observer.diagnosis.sliding_force import start_logs
 from sgms_observer.diagnosis.uncertainty import (
+    Accuracy,
     RecordingEstimates,
-    _Accuracy,
-    _covariances_with_common_values,
+    Scatter,
     as_time_series,
-    between_deviation,
-    between_variance,
+    covariances_with_common_values,
     leave_one_out_shifts,
     recording_estimates,
-    standard_errors,
 )
 from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.diagnosis.workflow import diagnose
@@ -376,12 +374,10 @@ def test_estimates_with_one_set_of_friction_values_have_the_covariance_of_a_line
         solution = np.linalg.solve(columns.T @ columns, columns.T)  # of all rows
         errors = np.sqrt(np.sum(solution[-count:] ** 2, axis=1)) * fit.scales
         inverse = solution @ solution.T
-        accuracies.append(_Accuracy(errors, solution[:, rows:].T, (inverse, np.zeros_like(inverse))))
+        accuracies.append(Accuracy(errors, solution[:, rows:].T, (inverse, np.zeros_like(inverse))))
         by_source.append(solution)
-    first, changes = (
-        by_source[0],
-        [],
-    )  # change of each estimate with (noise of recording 0, 1, 2, error of the prior rows)
+    # change of each estimate with the noise of recordings 0, 1, 2 and with the error of the prior rows
+    first, changes = by_source[0], []
     for k, (fit, solution) in enumerate(zip(fits, by_source, strict=True)):
         change = np.zeros((count, 3 * rows + len(prior)))
         change[:, k * rows : (k + 1) * rows] += solution[-count:, :rows]
@@ -392,7 +388,7 @@ def test_estimates_with_one_set_of_friction_values_have_the_covariance_of_a_line
             change[:, 3 * rows :] += of_nominal @ first[:nominal, rows:]
         changes.append(fit.scales[:, None] * change)
     expected = np.einsum("kps,lps->pkl", changes, changes)
-    assert _covariances_with_common_values(cast(Any, fits), accuracies) == pytest.approx(expected, rel=1e-9)
+    assert covariances_with_common_values(cast(Any, fits), accuracies) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(("there", "is_one"), [(0.6, True), (0.4, False)])
@@ -507,7 +503,7 @@ def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_nois
         columns = np.column_stack([found.jacobian[: len(found.residual)], found.residual])
         whole = sum(np.sum(part**2, axis=0) for part in as_time_series(columns, data))
         assert whole == pytest.approx(np.sum(columns**2, axis=0), rel=1e-9)
-        sizes.append(float(standard_errors(found, data)[0] / found.standard_errors()[0, 0]))
+        sizes.append(float(Accuracy.of(found, data, is_nominal_held=False).errors[0] / found.standard_errors()[0, 0]))
     assert 1.0 <= sizes[0] < 2.0
     assert sizes[1] > 2.0 * sizes[0]
 
@@ -516,18 +512,18 @@ def test_what_the_residual_does_not_depend_on_has_no_standard_error() -> None:
     """The inverse of the normal matrix would take no information for no error."""
     data = data_with_own_noise((motion_of(record(duration=8.0)),), MODEL)
     found = refit(data, MODEL, 0.05, (EffectSettings("position_dependent_friction", (0.2, 0.0, 0.003)),), evaluations=1)
-    strength, place, width = standard_errors(found, data)
+    strength, place, width = Accuracy.of(found, data, is_nominal_held=False).errors
     assert min(strength, place, width) > 0.0
     jacobian = found.jacobian.copy()
     jacobian[:, -1] *= 1.0e-9
-    blind = standard_errors(replace(found, jacobian=jacobian), data)
+    blind = Accuracy.of(replace(found, jacobian=jacobian), data, is_nominal_held=False).errors
     assert blind[:2] == pytest.approx((strength, place), rel=0.5) and blind[2] == 0.0
 
 
 def test_what_recordings_differ_by_belongs_to_the_error() -> None:
     def between(*pairs: tuple[float, float], from_file: float = 0.0) -> float:
         found = estimates(*pairs, from_file=from_file)
-        return between_variance(found.values[:, 0], found.covariances[0])
+        return Scatter.of(found.values[:, 0], found.covariances[0]).variance
 
     assert between((1.0, 0.1), (1.05, 0.1), (0.97, 0.1)) == 0.0
     assert 0.3 < np.sqrt(between((1.0, 0.1), (2.0, 0.1), (1.5, 0.1))) < 0.6
@@ -558,8 +554,8 @@ def test_an_interval_from_three_recordings_that_differ_holds_the_truth() -> None
     for _ in range(draws):
         values = 10.0 + spread * rng.normal(size=3) + error * rng.normal(size=3)
         off = abs(values[0] - 10.0) / NINETY_PERCENT
-        held += off < np.hypot(error, between_deviation(values, covariance))
-        held_without += off < np.hypot(error, np.sqrt(between_variance(values, covariance)))
+        held += off < np.hypot(error, Scatter.of(values, covariance).deviation)
+        held_without += off < np.hypot(error, np.sqrt(Scatter.of(values, covariance).variance))
     assert held_without < 0.85 * draws < held < 0.95 * draws
 
 
