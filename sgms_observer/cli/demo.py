@@ -21,9 +21,6 @@ HELP = "run a simulated stage and its observer on the ROS graph, without and wit
 
 STAGE, OBSERVER, RECORDER = "stage_node", "observer_node", "recorder"
 TRUTH = "friction_true"
-_QUIET = 1.5  # s in which a bag that is complete hardly grows; the recorder flushes twice a second
-_HARDLY = 16_000  # bytes; /diagnostics of an axis adds a thousand each second, samples add a hundred thousand and more
-_LONGEST_WAIT = 60.0  # s
 _RECORDED = (
     "position", "control_effort", "reference", TRUTH,
     "friction_estimate", "friction_std", "friction_compensation", "friction_elements",
@@ -105,7 +102,7 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
             answered_ns = time.time_ns()  # seconds later, where the middleware lost a request
             _sleep(conductor, duration / 2, lambda seconds: progress.show(duration / 2 + seconds))
         conductor.deactivate(STAGE)
-        _wait_until_written(bag)
+        conductor.wait_processed(OBSERVER)  # a busy machine has messages on their way yet
         for name in (RECORDER, OBSERVER, STAGE):
             conductor.stop(name)
         output_lines = conductor.output_of(STAGE).splitlines()
@@ -120,15 +117,3 @@ def _sleep(conductor: Conductor, seconds: float, show: Callable[[float], None]) 
         conductor.watch()
         show(seconds - left)
         time.sleep(min(0.2, left))
-
-
-def _wait_until_written(bag: Path) -> None:
-    """Wait until the recording stops to grow: a busy machine has messages on their way yet."""
-    partial = bag.with_name(bag.name + ".partial")
-    end = time.monotonic() + _LONGEST_WAIT
-    size, changed = 0, time.monotonic()
-    while time.monotonic() < min(end, changed + _QUIET):
-        now = sum(path.stat().st_size for path in partial.glob("*"))
-        if now > size + _HARDLY:
-            size, changed = now, time.monotonic()
-        time.sleep(0.1)

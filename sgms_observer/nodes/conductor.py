@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
@@ -242,6 +243,33 @@ class Conductor:
             node: its name.
         """
         self._change(node, Transition.TRANSITION_DEACTIVATE)
+
+    def wait_processed(self, node: str) -> None:
+        """Wait until an observer has processed the messages that wait, after its inputs have ended.
+
+        On a busy machine that takes longer than the recording. It is done when two reports in a row count the same
+        messages.
+
+        Args:
+            node: its name.
+        """
+        counts: list[str] = []
+
+        def take(report: DiagnosticArray) -> None:
+            for status in report.status:
+                if status.name == node:
+                    counts.extend(value.value for value in status.values if value.key == "messages")
+
+        subscription = self._node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
+
+        def has_processed() -> bool:
+            rclpy.spin_once(self._node, timeout_sec=0.2)
+            return len(counts) > 1 and counts[-1] == counts[-2]
+
+        try:
+            self.wait(has_processed, f"{node} to process its messages")
+        finally:
+            self._node.destroy_subscription(subscription)
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
         """Set a parameter of a running node.

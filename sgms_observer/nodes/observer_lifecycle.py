@@ -213,16 +213,16 @@ class ObserverNode(ManagedNode):
         if not self.is_active or self._outlets is None or self._watchdog is None or engine is None:
             return
         processed = engine.process(self._send_compensation, self._outlets.are_others_read)
-        for block in processed.blocks:
-            self._outlets.topics.publish(block)
-        for report in processed.reports:
-            self._parameter_topic.publish(encode_diagnostics(report.stamp_ns, [parameter_entry(report)]))
         now = time.monotonic()
         for number, observed in processed.observed.items():
             self._watchdog.feed(number, float(observed.compensation[-1]), now)
         if processed.observed:
             self._outlets.commands.publish(self._watchdog.outputs, self._is_late)
         self._outlets.give_horizons(engine.horizons.give(processed.observed))
+        for block in processed.blocks:  # what only people read; after a stall these are thousands of messages
+            self._outlets.topics.publish(block)
+        for report in processed.reports:
+            self._parameter_topic.publish(encode_diagnostics(report.stamp_ns, [parameter_entry(report)]))
         engine.prepare(self._send_one)
         if self._pause > 0.0:
             time.sleep(self._pause)

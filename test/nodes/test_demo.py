@@ -97,7 +97,7 @@ def test_a_recorded_live_run_replays_to_the_last_bit(graph: Graph, start: Start,
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """Return the folder of a demonstration and what the command said."""
     out = tmp_path_factory.mktemp("demonstration")
-    demo = _sgms("demo", "--out", str(out), "--duration", "5")
+    demo = _sgms("demo", "--out", str(out), "--duration", "6")
     said, _ = demo.communicate(timeout=3 * PATIENCE)
     assert demo.returncode == 0, said
     return out, said
@@ -141,6 +141,26 @@ def test_beside_burning_processes_it_is_not_worse(tmp_path: Path) -> None:
     assert demo.returncode == 0, said
     tracking = json.loads((tmp_path / "demo" / "result.json").read_text())["axes"]["x"]["tracking"]
     assert tracking["peak_after"] <= SHARPER * tracking["peak_before"], said
+
+
+def test_an_observer_that_is_behind_is_waited_for(tmp_path: Path) -> None:
+    """It sleeps over the end of the motion, for less than the 5 s after which the others would forget it."""
+    out = tmp_path / "demo"
+    demo = _sgms("demo", "--out", str(out), "--duration", "6")
+    assert demo.stdout is not None
+    for line in demo.stdout:
+        if line.startswith("running for"):
+            break
+    time.sleep(4.5)
+    children = Path(f"/proc/{demo.pid}/task/{demo.pid}/children").read_text().split()
+    (observer,) = (int(child) for child in children if "observer_node" in Path(f"/proc/{child}/cmdline").read_text())
+    os.kill(observer, signal.SIGSTOP)
+    time.sleep(4.0)
+    os.kill(observer, signal.SIGCONT)
+    said, _ = demo.communicate(timeout=3 * PATIENCE)
+    assert demo.returncode == 0, said
+    positions, estimates = (read_joint_states(out / "bag", topic) for topic in ("position", "friction_estimate"))
+    assert estimates.stamp_ns[-1] == positions.stamp_ns[-1]
 
 
 def test_the_demonstration_writes_its_figures(demonstration: tuple[Path, str]) -> None:
