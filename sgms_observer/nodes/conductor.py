@@ -36,6 +36,8 @@ _GOALS = {
     Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
     Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
 }
+_LONGEST_PROCESSING = 60.0  # s
+_SENT_AGAIN = 3.5  # s; Fast DDS looks for lost messages every 3 s where no others follow
 _MATCHING = 2.0  # s from the discovery of a subscription until it gets messages
 
 
@@ -245,31 +247,30 @@ class Conductor:
         self._change(node, Transition.TRANSITION_DEACTIVATE)
 
     def wait_processed(self, node: str) -> None:
-        """Wait until an observer has processed the messages that wait, after its inputs have ended.
+        """Wait until an observer has processed the messages that wait, after its inputs have ended; 60 s at most.
 
-        On a busy machine that takes longer than the recording. It is done when two reports in a row count the same
-        messages.
+        On a busy machine that takes longer than the recording. It is done when the node's reports count the same
+        messages for longer than the middleware takes to send lost ones again.
 
         Args:
             node: its name.
         """
-        counts: list[str] = []
+        same: list[tuple[float, str]] = []  # times [s] of the latest reports that count the same, and their count
 
         def take(report: DiagnosticArray) -> None:
             for status in report.status:
-                if status.name == node:
-                    counts.extend(value.value for value in status.values if value.key == "messages")
+                for value in status.values:
+                    if status.name == node and value.key == "messages":
+                        if same and value.value != same[0][1]:
+                            same.clear()
+                        same.append((report.header.stamp.sec + 1e-9 * report.header.stamp.nanosec, value.value))
 
         subscription = self._node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
-
-        def has_processed() -> bool:
+        end = time.monotonic() + _LONGEST_PROCESSING
+        while time.monotonic() < end and (not same or same[-1][0] - same[0][0] < _SENT_AGAIN):
+            self.watch()
             rclpy.spin_once(self._node, timeout_sec=0.2)
-            return len(counts) > 1 and counts[-1] == counts[-2]
-
-        try:
-            self.wait(has_processed, f"{node} to process its messages")
-        finally:
-            self._node.destroy_subscription(subscription)
+        self._node.destroy_subscription(subscription)
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
         """Set a parameter of a running node.

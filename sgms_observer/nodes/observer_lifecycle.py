@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 from sgms_observer.application.kernels import OF_OBSERVER
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
 from sgms_observer.errors import SgmsError
-from sgms_observer.nodes.engine import Engine, save_learnt
+from sgms_observer.nodes.engine import Engine, Processed, save_learnt
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.neighbours import Neighbours, without_compensation
 from sgms_observer.nodes.report import Report, scale_sentences
@@ -45,7 +45,8 @@ class ObserverNode(ManagedNode):
     Messages are decoded on arrival. A complete sample that arrives while the node is idle is estimated at once. A
     sample that arrives sooner posts a task after all waiting events. The task estimates over all samples that are
     complete by then, so blocks grow when the computer is late.
-    The compensation of a sample is published first, then its other messages, and then the next sample is prepared.
+    The compensation of a sample is published first, then command and horizon, then its other messages. Then the next
+    sample is prepared.
     Samples that arrive faster than ``gather_time`` are gathered: after each block the node sleeps that long while
     messages arrive. A block of four samples costs as much as a single one, and the thread wakes up once for all.
 
@@ -213,20 +214,26 @@ class ObserverNode(ManagedNode):
         if not self.is_active or self._outlets is None or self._watchdog is None or engine is None:
             return
         processed = engine.process(self._send_compensation, self._outlets.are_others_read)
-        now = time.monotonic()
-        for number, observed in processed.observed.items():
-            self._watchdog.feed(number, float(observed.compensation[-1]), now)
+        self._feed_watchdog(processed)
         if processed.observed:
             self._outlets.commands.publish(self._watchdog.outputs, self._is_late)
         self._outlets.give_horizons(engine.horizons.give(processed.observed))
-        for block in processed.blocks:  # what only people read; after a stall these are thousands of messages
+        for block in processed.blocks:  # no controller waits for these; after a stall they are thousands
             self._outlets.topics.publish(block)
         for report in processed.reports:
             self._parameter_topic.publish(encode_diagnostics(report.stamp_ns, [parameter_entry(report)]))
+        self._feed_watchdog(processed)  # the time since the first call is no silence of the inputs
         engine.prepare(self._send_one)
         if self._pause > 0.0:
             time.sleep(self._pause)
         self._idle_since = time.monotonic()
+
+    def _feed_watchdog(self, processed: Processed) -> None:
+        """Give the watchdog the latest compensation of each observed axis."""
+        now = time.monotonic()
+        if self._watchdog is not None:
+            for number, observed in processed.observed.items():
+                self._watchdog.feed(number, float(observed.compensation[-1]), now)
 
     def _send_one(self, stamp_ns: int, forces: Sequence[float]) -> None:
         """Publish the compensation of one sample of all axes [N], and count it where it is too late."""

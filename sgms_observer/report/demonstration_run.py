@@ -82,7 +82,8 @@ def present(bag: Path, settings: Settings, switched_ns: int, answered_ns: int, o
         with_it = _half(run, way, answered + SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis, without, with_it, same, compared)
-        expected = 1.0 + run.time[-1] / (settings.publish_every * settings.sample_period)
+        positions, _ = signal_of(bag, "position", axis.name)
+        expected = 1.0 + (positions[-1] - stamps[0]) * 1e-9 / (settings.publish_every * settings.sample_period)
         share = len(run.time) / expected
         warnings += missing_warnings(axis.name, share)
         warnings += late_warnings(axis.name, without, with_it, axis.units)
