@@ -127,6 +127,15 @@ def test_what_stays_ambiguous_ends_after_three_experiments(bench: Callable[..., 
     assert "asymmetric_coulomb, offset stay ambiguous after 3 experiments" in sentence
 
 
+def test_a_diagnosis_that_predicts_worse_within_the_error_is_used(bench: Callable[..., Bench]) -> None:
+    """3.35 lies outside the interval of 3.0, but both gaps have an error."""
+    table = bench([found("asymmetric_coulomb")])
+    table.gaps = [3.0, 3.35]
+    session = table.session(AMBIGUOUS)
+    sentence, _ = step.next_experiment(session)
+    assert session.ledger.facts["diagnosis"] == "diagnosis_1" and "predicts your own motion better" not in sentence
+
+
 def test_a_diagnosis_that_predicts_worse_is_not_used(bench: Callable[..., Bench]) -> None:
     """The one before is used again, and what another experiment may separate still has its turn."""
     both = [*AMBIGUOUS, found("spring", "cogging")]

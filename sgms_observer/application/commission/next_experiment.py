@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -137,7 +138,8 @@ def _diagnose_again(session: Session, done: list[dict[str, Any]]) -> str:
     done[-1]["sentence"] = f"experiment {len(done)} for {', '.join(done[-1]['effects'])}: {sentence}"
     now, before = ledger.facts["gap"], earlier["gap"]
     is_worse = now["unweighted"]["after"] > before["unweighted"]["after"]  # the weights of the two may differ
-    if now["after"] <= before["interval_after"][1] or not is_worse:
+    error = math.hypot(before["interval_after"][1] - before["after"], now["after"] - now["interval_after"][0])
+    if now["after"] - before["after"] <= error or not is_worse:
         return ""
     ledger.facts |= earlier
     ledger.effects = effects
