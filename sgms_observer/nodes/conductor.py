@@ -22,6 +22,7 @@ from rclpy.client import Client
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.time import Time
 
 from sgms_observer.child_process import child_command, child_environment
 from sgms_observer.errors import DataError
@@ -247,27 +248,28 @@ class Conductor:
         self._change(node, Transition.TRANSITION_DEACTIVATE)
 
     def wait_processed(self, node: str) -> None:
-        """Wait until an observer has processed the messages that wait, after its inputs have ended; 60 s at most.
+        """Wait, after an observer's inputs have ended, until it has processed all their messages; 60 s at most.
 
-        On a busy machine that takes longer than the recording. It is done when the node's reports count the same
-        messages for longer than the middleware takes to send lost ones again.
+        On a busy machine the observer may be seconds behind. It has processed all messages when the count of messages
+        in its diagnostics stays the same for longer than the middleware takes to send a lost message again.
 
         Args:
             node: its name.
         """
-        same: list[tuple[float, str]] = []  # times [s] of the latest reports that count the same, and their count
+        same: list[tuple[int, str]] = []  # times [ns] of the latest reports that count the same, and their count
 
         def take(report: DiagnosticArray) -> None:
-            for status in report.status:
-                for value in status.values:
-                    if status.name == node and value.key == "messages":
-                        if same and value.value != same[0][1]:
-                            same.clear()
-                        same.append((report.header.stamp.sec + 1e-9 * report.header.stamp.nanosec, value.value))
+            values = [value for status in report.status if status.name == node for value in status.values]
+            count = next((value.value for value in values if value.key == "messages"), None)
+            if count is None:
+                return
+            if same and count != same[0][1]:
+                same.clear()
+            same.append((Time.from_msg(report.header.stamp).nanoseconds, count))
 
         subscription = self._node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
         end = time.monotonic() + _LONGEST_PROCESSING
-        while time.monotonic() < end and (not same or same[-1][0] - same[0][0] < _SENT_AGAIN):
+        while time.monotonic() < end and (not same or same[-1][0] - same[0][0] < _SENT_AGAIN * 1e9):
             self.watch()
             rclpy.spin_once(self._node, timeout_sec=0.2)
         self._node.destroy_subscription(subscription)

@@ -222,7 +222,8 @@ class ObserverNode(ManagedNode):
             self._outlets.topics.publish(block)
         for report in processed.reports:
             self._parameter_topic.publish(encode_diagnostics(report.stamp_ns, [parameter_entry(report)]))
-        self._feed_watchdog(processed)  # the time since the first call is no silence of the inputs
+        if processed.blocks:  # the time that publishing them took is no silence of the inputs
+            self._feed_watchdog(processed)
         engine.prepare(self._send_one)
         if self._pause > 0.0:
             time.sleep(self._pause)

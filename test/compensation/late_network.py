@@ -18,7 +18,7 @@ from sim_plant.table import SimulatedTable
 
 START_NS = 10**12
 PERIOD = 5.0e-4
-"""Of every axis here [s]; half that of the demonstration, whose axis is one of them."""
+"""Sample period of every axis here [s], also of the demonstration's axis, which has 1 ms in its file."""
 SETTLE = 0.2
 """The compensation is on from half of this [s] on, and peaks count from all of it on."""
 
