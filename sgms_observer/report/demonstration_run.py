@@ -30,7 +30,7 @@ from sgms_observer.report.demonstration import (
 from sgms_observer.report.drawing import Line, Panel, time_plot
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Plot, Section, Table, write_page
 from sgms_observer.report.recorded import SETTLE, Lateness, recorded_lateness, signal_of
-from sgms_observer.report.run_pictures import Run, largest_prefixed, run_pictures, tracking_picture
+from sgms_observer.report.run_pictures import Run, Tracking, largest_prefixed, run_pictures, tracking_picture
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.whole_file import write_text
 
@@ -76,10 +76,11 @@ def present(bag: Path, settings: Settings, switched_ns: int, answered_ns: int, o
     for axis in settings.axes:
         run, stamps = _run_of(bag, axis)
         switched = (switched_ns - int(stamps[0])) * 1e-9
-        way = recorded_lateness(bag, axis, stamps, settings.sample_period)
-        without = _half(run, way, SETTLE, switched)
+        tracking, samples = _tracking_of(bag, axis, int(stamps[0]))
+        way = recorded_lateness(bag, axis, samples, settings.sample_period)
+        without = _half(run, tracking, way, SETTLE, switched)
         answered = (answered_ns - int(stamps[0])) * 1e-9
-        with_it = _half(run, way, answered + SETTLE, float(run.time[-1]))
+        with_it = _half(run, tracking, way, answered + SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis, without, with_it, same, compared)
         positions, _ = signal_of(bag, "position", axis.name)
@@ -89,7 +90,7 @@ def present(bag: Path, settings: Settings, switched_ns: int, answered_ns: int, o
         warnings += late_warnings(axis.name, without, with_it, axis.units)
         verdicts.append(headline(axis.name, without, with_it, axis.units))
         results[axis.name] = axis_result(without, with_it, same, compared)
-        evaluated.append(Evaluated(axis, run, switched, without, with_it, share, same, compared))
+        evaluated.append(Evaluated(axis, run, tracking, switched, without, with_it, share, same, compared))
     page = demonstration_page(evaluated, ". ".join(verdict[0].upper() + verdict[1:] for verdict in verdicts) + ".",
                               warnings, bag.name)  # fmt: skip
     result = result_of(results)
@@ -100,47 +101,57 @@ def present(bag: Path, settings: Settings, switched_ns: int, answered_ns: int, o
 def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
     """Return one axis's signals on the stamps of its estimates, in SI, and those stamps [ns]."""
     stamps, estimate = signal_of(bag, "friction_estimate", axis.name)
-
-    def on_stamps(topic: str) -> dict[str, Floats]:
-        stamps_of_topic, fields = signal_of(bag, topic, axis.name)
-        place = np.minimum(np.searchsorted(stamps_of_topic, stamps), max(0, len(stamps_of_topic) - 1))
-        is_there = stamps_of_topic[place] == stamps
-        return {name: np.where(is_there, values[place], np.nan) for name, values in fields.items()}
-
-    truth = on_stamps("friction_true")
+    truth = _on_stamps(stamps, *signal_of(bag, "friction_true", axis.name))
+    reference = _on_stamps(stamps, *signal_of(bag, "reference", axis.name))
     run = Run(
         time=(stamps - stamps[0]) * 1e-9,
         position=truth["position"],
         velocity=estimate["velocity"],
-        reference=axis.position_scale * on_stamps("reference")["position"],
+        reference=axis.position_scale * reference["position"],
         friction=estimate["effort"],
-        friction_std=on_stamps("friction_std")["effort"],
+        friction_std=_on_stamps(stamps, *signal_of(bag, "friction_std", axis.name))["effort"],
         truth=truth["effort"],
-        compensation=on_stamps("friction_compensation")["effort"],
+        compensation=_on_stamps(stamps, *signal_of(bag, "friction_compensation", axis.name))["effort"],
         units=axis.units,
     )
     return run, stamps
 
 
-def _half(run: Run, way: Lateness, start: float, end: float) -> Half:
-    """Return the errors between two times [s]."""
-    part = run.between(start, end)
-    rows = slice(*np.searchsorted(run.time, [start, end]))
+def _tracking_of(bag: Path, axis: AxisSettings, start_ns: int) -> tuple[Tracking, Ints]:
+    """Return the tracking error of every sample of the stage from a stamp on, and the samples' stamps [ns]."""
+    stamps, truth = signal_of(bag, "friction_true", axis.name)
+    reference = _on_stamps(stamps, *signal_of(bag, "reference", axis.name))
+    rows = stamps >= start_ns
+    error = truth["position"] - axis.position_scale * reference["position"]
+    time = np.asarray((stamps[rows] - start_ns) * 1e-9, dtype=np.float64)
+    return Tracking(time, error[rows], axis.units), stamps[rows]
+
+
+def _on_stamps(wanted: Ints, stamps: Ints, fields: dict[str, Floats]) -> dict[str, Floats]:
+    """Return the fields of a topic at the wanted stamps, NaN where it has no message [ns]."""
+    place = np.minimum(np.searchsorted(stamps, wanted), max(0, len(stamps) - 1))
+    is_there = stamps[place] == wanted
+    return {name: np.where(is_there, values[place], np.nan) for name, values in fields.items()}
+
+
+def _half(run: Run, tracking: Tracking, way: Lateness, start: float, end: float) -> Half:
+    """Return the errors between two times [s]; ``way`` has a row for each of ``tracking``."""
+    part, rows = run.between(start, end), tracking.rows(start, end)
     error = part.friction - part.truth
     known = np.isfinite(error)
-    tracking = part.position - part.reference
-    tracked = np.isfinite(tracking)
+    tracked = np.isfinite(tracking.error[rows])
     if not known.any() or not tracked.any():
         raise DataError(f"there is nothing to compare between {start:g} s and {end:g} s of the run; let it run longer")
     rms = float(np.sqrt(np.mean(error[known] ** 2)))
-    clear = tracking[tracked & way.is_clear[rows]]
+    deviation = tracking.error[rows][tracked]
+    clear = tracking.error[rows][tracked & way.is_clear[rows]]
     return Half(
         samples=int(np.count_nonzero(known)),
         friction_rms=rms,
         friction_share=rms / float(np.ptp(part.truth[known])),
         coverage=float(np.mean(np.abs(error[known]) <= 2.0 * part.friction_std[known])),
-        tracking_rms=float(np.sqrt(np.mean(tracking[tracked] ** 2))),
-        tracking_peak=float(np.max(np.abs(tracking[tracked]))),
+        tracking_rms=float(np.sqrt(np.mean(deviation**2))),
+        tracking_peak=float(np.max(np.abs(deviation))),
         late_share=float(np.mean(way.is_late[rows])) if way.is_known else math.nan,
         clear_rms=float(np.sqrt(np.mean(clear**2))) if clear.size else math.nan,
         clear_peak=float(np.max(np.abs(clear))) if clear.size else math.nan,
@@ -189,7 +200,8 @@ class Evaluated:
 
     Attributes:
         axis: its settings.
-        run: its signals.
+        run: its signals on the stamps of the estimates.
+        tracking: its tracking error on all samples of the stage.
         switched: when the half without compensation ends [s].
         without: errors of the half without compensation.
         with_it: errors of the half with it.
@@ -200,6 +212,7 @@ class Evaluated:
 
     axis: AxisSettings
     run: Run
+    tracking: Tracking
     switched: float
     without: Half
     with_it: Half
@@ -278,7 +291,7 @@ def _lead(one: Evaluated) -> Picture:
     """Draw the tracking error without and with compensation."""
     end = float(one.run.time[-1])
     windows = ((one.switched - _SHOWN, one.switched), (end - _SHOWN, end))
-    return tracking_picture(one.run, *windows, f"{one.axis.name}_tracking")
+    return tracking_picture(one.tracking, *windows, f"{one.axis.name}_tracking")
 
 
 def _sections(one: Evaluated, of_axis: str) -> Sequence[Section]:

@@ -54,6 +54,25 @@ class Run:
         return bool(np.isfinite(self.truth).any())
 
 
+@dataclass(frozen=True)
+class Tracking:
+    """Tracking error of every sample of one axis, whether or not its estimate was published.
+
+    Attributes:
+        time: since the first sample of the run [s], shape (n,).
+        error: position minus set-point [m], NaN where one of the two is unknown, shape (n,).
+        units: of the axis.
+    """
+
+    time: Floats
+    error: Floats
+    units: Units = field(default_factory=Units)
+
+    def rows(self, start: float, end: float) -> slice:
+        """Return the rows from ``start`` to ``end`` [s]."""
+        return slice(*np.searchsorted(self.time, [start, end]))
+
+
 def clearest_reversal(run: Run) -> float:
     """Return the time of the last reversal but one, so that the run has what follows it too [s]; else its end."""
     fast = np.flatnonzero(np.abs(run.velocity) > 0.2 * np.nanmax(np.abs(run.velocity), initial=0.0))
@@ -82,23 +101,22 @@ def run_pictures(run: Run, window: tuple[float, float], name: str = "") -> tuple
     return _motion(part, name), _friction(part, name), hysteresis_picture(part, name), reversal_picture(part, name)
 
 
-def tracking_picture(run: Run, before: tuple[float, float], after: tuple[float, float], name: str) -> Picture:
+def tracking_picture(tracking: Tracking, before: tuple[float, float], after: tuple[float, float], name: str) -> Picture:
     """Draw the tracking error without and with compensation, on one scale.
 
     Args:
-        run: the whole run.
+        tracking: of the whole run.
         before: part without compensation [s].
         after: part with compensation [s].
         name: of the picture.
     """
     seconds = f"{before[1] - before[0]:.2g} s"
     caption = f"Tracking error without compensation, then with it, on one scale: the last {seconds} of each part."
-    parts = [run.between(*window) for window in (before, after)]
-    errors = [part.position - part.reference for part in parts]
-    factor, unit = largest_prefixed(np.concatenate(errors), run.units)
+    parts = [tracking.rows(*window) for window in (before, after)]
+    factor, unit = largest_prefixed(np.concatenate([tracking.error[part] for part in parts]), tracking.units)
     with sheet(name, caption, rows=2, height=1.9, sharey=True) as drawn:
-        for axes, part, error, word in zip(drawn.axes, parts, errors, ("without", "with"), strict=True):
-            draw_line(axes, part.time, factor * error, MEASURED)
+        for axes, part, word in zip(drawn.axes, parts, ("without", "with"), strict=True):
+            draw_line(axes, tracking.time[part], factor * tracking.error[part], MEASURED)
             axes.set(ylabel=f"error [{unit}]", title=f"tracking error {word} compensation")
         drawn.axes[1].set_xlabel("time [s]")
     return drawn.picture

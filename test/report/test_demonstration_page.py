@@ -14,7 +14,7 @@ from looks import check_report
 from sgms_observer.report.demonstration import Half
 from sgms_observer.report.demonstration_run import Evaluated, demonstration_page
 from sgms_observer.report.page import BAD, GOOD, UNSURE, write_page
-from sgms_observer.report.run_pictures import Run
+from sgms_observer.report.run_pictures import Run, Tracking
 from sgms_observer.settings.axis import AxisSettings
 
 WITHOUT = Half(10_000, 0.02, 0.005, 0.96, 3.0e-6, 6.0e-6, math.nan, 3.0e-6, 6.0e-6)
@@ -29,7 +29,7 @@ def _evaluated(name: str) -> Evaluated:
     friction = 4.0 * np.tanh(velocity / 1e-4)
     deviation = np.full(time.size, 0.03)
     run = Run(time, reference + error, velocity, reference, friction + 0.02, deviation, friction, friction)
-    return Evaluated(AxisSettings(name), run, 10.0, WITHOUT, WITH, 1.0, 20_000, 20_000)
+    return Evaluated(AxisSettings(name), run, Tracking(time, error), 10.0, WITHOUT, WITH, 1.0, 20_000, 20_000)
 
 
 def test_the_page_reads_well_and_is_of_the_same_kind_as_the_others(tmp_path: Path, browser: Browser) -> None:

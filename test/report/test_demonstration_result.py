@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from sgms_observer.application.simulate import Simulation, simulate
+from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.report.demonstration import (
     MIN_RECORDED_SHARE,
     Half,
@@ -17,7 +21,12 @@ from sgms_observer.report.demonstration import (
     missing_warnings,
     result_of,
 )
+from sgms_observer.report.demonstration_run import present
+from sgms_observer.report.recorded import SETTLE
+from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.units import Units
+
+DEMO = Path(__file__).parents[2] / "config" / "demo.yaml"
 
 
 def _half(rms: float, peak: float, late: float) -> Half:
@@ -72,3 +81,26 @@ def test_a_run_of_which_much_is_missing_is_a_warning() -> None:
     assert missing_warnings("x", MIN_RECORDED_SHARE) == []
     (warning,) = missing_warnings("x", 0.22)
     assert "only 22 % of the samples" in warning and warning.startswith("Warning: axis x")
+
+
+def test_the_tracking_error_counts_every_sample_also_where_few_estimates_are_published(tmp_path: Path) -> None:
+    settings = replace(load_settings(DEMO), publish_every=7)
+    bag = tmp_path / "bag"
+    simulate(Simulation(settings, 6.0, 1, is_observed=True), str(bag), "mcap", False, lambda _: None)
+    truth, reference, estimates = (
+        read_joint_states(bag, topic) for topic in ("friction_true", "reference", "friction_estimate")
+    )
+    assert len(estimates.stamp_ns) < len(truth.stamp_ns) / 6
+    switched, answered = (int(estimates.stamp_ns[0] + seconds * 1e9) for seconds in (3.0, 3.1))
+    found = present(bag, settings, switched, answered, tmp_path).result["axes"]["x"]["tracking"]
+    error = np.abs(truth.position[:, 0] - reference.position[:, 0])
+    settled = round(SETTLE * 1e9)
+    for begin, end, half in (
+        (estimates.stamp_ns[0] + settled, switched, "before"),
+        (answered + settled, estimates.stamp_ns[-1], "after"),
+    ):
+        is_of_half = (truth.stamp_ns >= begin) & (truth.stamp_ns < end)
+        peak = np.max(error[is_of_half])
+        assert found[f"peak_{half}"] == pytest.approx(peak, rel=1e-9)
+        assert found[f"rms_{half}"] == pytest.approx(np.sqrt(np.mean(error[is_of_half] ** 2)), rel=1e-9)
+        assert np.max(error[is_of_half & np.isin(truth.stamp_ns, estimates.stamp_ns)]) < peak
