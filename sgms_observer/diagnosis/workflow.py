@@ -172,10 +172,11 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
         state, rounds, written = without_insignificant_effects(file.state, file.state, (), nominal, options)
     else:
         state, rounds, written = _search_and_prune(file.state, nominal, file.known_effects, options, report)
-        if _may_need_wide_elements(file.state, rounds):
+        if file.state.setup.freedom.has_narrow_elements and _may_need_wide_elements(state, rounds, options):
             wide = replace(file, state=file.state.with_freedom(Freedom()))
             again, added, with_added = _search_and_prune(wide.state, nominal, wide.known_effects, options, report)
-            if any(one.settings is not None for one in accepted_candidates(added)):
+            has_effect = any(one.settings is not None for one in accepted_candidates(added))
+            if has_effect and (not _names_of(rounds) or _is_preferred(again, state, options)):
                 file, state, rounds, written = wide, again, added, with_added
     warnings = list(audited.warnings)
     if file.axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
@@ -193,19 +194,45 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
     return diagnose_from(replace(start, state=shifted, shifts=shifts), options, report)
 
 
-def _may_need_wide_elements(state: FitState, rounds: Sequence[Round]) -> bool:
-    """Return whether a search with narrow elements added nothing although an effect surely predicts.
+def _may_need_wide_elements(state: FitState, rounds: Sequence[Round], options: Options) -> bool:
+    """Return whether a search with narrow elements ended early.
 
-    Which elements predict better was decided with that effect in the residual.
+    Which elements predict better was decided with everything in the residual that the file misses. Either nothing was
+    added although an effect surely predicts, or the contact was changed and more than noise is left: narrow elements
+    cannot be right then, and a changed contact may have taken the place of an effect.
 
     Args:
-        state: state before the search.
+        state: state after the search.
         rounds: its rounds.
+        options: options of the diagnosis.
     """
-    if not state.setup.freedom.has_narrow_elements or accepted_candidates(rounds):
-        return False
+    added = accepted_candidates(rounds)
+    if any(one.settings is None for one in added):
+        return not state.evaluation(options).is_gap_closed(state.current.model)
     effects = [one for item in rounds for one in item.decisions if one.candidate.settings is not None]
-    return any(one.tests[0].passed for one in effects)
+    return not added and any(one.tests[0].passed for one in effects)
+
+
+def _is_preferred(state: FitState, other: FitState, options: Options) -> bool:
+    """Return whether the result of one search is preferred to that of another one.
+
+    It is if it predicts significantly better, or if it leaves only noise, which is no more than the other one leaves,
+    and the other one does not predict significantly better. Both are compared in the noise of what it leaves.
+
+    Args:
+        state: state after the one search, which has effects.
+        other: state after the other search, which changed the contact.
+        options: options of the diagnosis.
+    """
+    evaluation, most = state.evaluation(options), options.criteria.min_z_score
+    ours, theirs = (
+        evidence_of(finish_fit(replace(one.setup, data=state.setup.data), one.current), evaluation).all
+        for one in (state, other)
+    )
+    least = min(evaluation.floor, evaluation.rms(other.current.model))
+    if replace(evaluation, floor=least).is_gap_closed(state.current.model):
+        return improvement(ours, theirs).z_score <= most
+    return improvement(theirs, ours).z_score > most
 
 
 def _search_and_prune(
@@ -341,11 +368,9 @@ def _best_search(
 
     The search adds one hypothesis at a time. A change of the contact has many parameters and may take the place of two
     effects, but only in part. Where such a change was preferred to an effect that passed every test, and more than
-    noise is left, the search is repeated from there with effects before changes. That one counts if it predicts
-    significantly better, or if it leaves only noise, which is no more than the first one leaves, and the first one does
-    not predict significantly better.
+    noise is left, the search is repeated from there with effects before changes, and the preferred one counts.
     """
-    listed, most = [item.name for item in known_effects], options.criteria.min_z_score
+    listed = [item.name for item in known_effects]
     first = _search(start, listed, options, report)
     place = next((number for number, item in enumerate(first.rounds) if _preferred_change(item)), None)
     if place is None or first.state.evaluation(options).is_gap_closed(first.state.current.model):
@@ -354,15 +379,7 @@ def _best_search(
     best = select_hypothesis(_passed_effects(item.decisions), before.state.evaluation(options), listed)
     again = _with_best(before, before.state, item, best, listed, options)
     second = _search(again, listed, options, report, has_effects_first=True)
-    evaluation, model = second.state.evaluation(options), second.state.current.model
-    earlier, later = (
-        evidence_of(finish_fit(one.setup, one.current), evaluation).all for one in (first.state, second.state)
-    )
-    least = min(evaluation.floor, evaluation.rms(first.state.current.model))
-    if replace(evaluation, floor=least).is_gap_closed(model):
-        counts = improvement(later, earlier).z_score <= most
-    else:
-        counts = improvement(earlier, later).z_score > most
+    counts = _is_preferred(second.state, first.state, options)
     return (second.state, second.rounds) if counts else (first.state, first.rounds)
 
 
@@ -381,6 +398,9 @@ def _search(
     found: _Search, listed: Sequence[str], options: Options, report: Report, has_effects_first: bool = False
 ) -> _Search:
     """Add hypotheses one by one, as long as one passes every test.
+
+    Where none does and the residual is surely predictable, several effects may be missing, of which each hides in the
+    gap what another one closes. The search goes on then with an effect that passes every other test.
 
     Args:
         found: rounds so far.
@@ -421,13 +441,19 @@ def _search(
         decisions.sort(key=lambda item: -item.improvement.decrease)
         state = state.with_least_of(decisions, evaluation)
         eligible = (has_effects_first and _passed_effects(decisions)) or decisions
-        best = select_hypothesis(eligible, state.bounded(evaluation), listed)
+        bounded = state.bounded(evaluation)
+        best = select_hypothesis(eligible, bounded, listed)
+        if best is None:
+            weaker = [item.while_others_are_missing() for item in decisions]
+            hidden = select_hypothesis(weaker, bounded, listed)
+            if hidden is not None and _is_predictable(current.model, evaluation):
+                decisions, best = weaker, hidden
         found = _with_best(found, state, Round(screen.screenings, tuple(decisions), None, {}), best, listed, options)
     return found
 
 
 def _is_predictable(model: Model, evaluation: EvaluationData) -> bool:
-    """Return whether a regression surely predicts a share of the residual that is worth a name, although the residual
+    """Return whether a regression surely predicts a share of the residual that is worth a name, even where the residual
     looks like noise: the noise is fitted to it."""
     criteria = evaluation.criteria
     found = free_form_prediction(ALL, model, evaluation).improvement

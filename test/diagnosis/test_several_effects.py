@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,8 +13,8 @@ from workflow_case import AXIS, evaluation_of, record
 from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE, Candidate, finish_fit
-from sgms_observer.diagnosis.criteria import Criteria, at_most
-from sgms_observer.diagnosis.decision import decide
+from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
+from sgms_observer.diagnosis.decision import GAP_WHILE_OTHERS_ARE_MISSING, HELD_OUT_GAP, Decision, decide
 from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
@@ -260,3 +261,34 @@ def test_a_small_difference_decides_only_where_the_model_leaves_noise(
     (test,) = item.comparisons.values()
     assert test.passed == is_rest_known == test.name.startswith("z-score")
     assert len(item.alternatives) == (not is_rest_known)
+
+
+def weakened(value: float) -> Callable[..., Decision]:
+    """Return ``decide`` with another z-score of the held-out gap, without an effect, of the effects that are first."""
+
+    def decided(item: Candidate, before: Refit, *others: Any) -> Decision:
+        found = decide(item, before, *others)
+        tests = tuple(
+            at_least(test.of, test.name, value, test.threshold) if test.name == HELD_OUT_GAP else test
+            for test in found.tests
+        )
+        return found if before.effects or item.settings is None else replace(found, tests=tests)
+
+    return decided
+
+
+@pytest.mark.parametrize(
+    "value, is_predictable, names",
+    [(1.0, True, ["offset", "spring"]), (1.0, False, []), (-2.0, True, [])],
+)
+def test_an_effect_whose_gap_another_one_hides_is_added_and_tested_again_in_the_end(
+    monkeypatch: pytest.MonkeyPatch, value: float, is_predictable: bool, names: list[str]
+) -> None:
+    monkeypatch.setattr(workflow, "decide", weakened(value))
+    monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
+    monkeypatch.setattr(workflow, "_is_predictable", lambda *_: is_predictable)
+    found = diagnosed(monkeypatch, (OFFSET, SPRING), NAMES)
+    assert [item.name for item in accepted_candidates(found.rounds)] == names
+    tests = [test for item in found.rounds for test in item.tests if test.of == "offset"]
+    assert any(test.name == GAP_WHILE_OTHERS_ARE_MISSING for test in tests) == bool(names)
+    assert any(test.name == "gap beside the others: z-score" and test.passed for test in tests) == bool(names)
