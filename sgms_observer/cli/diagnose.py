@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> Outcome:
             for parameter, value in zip(entry.parameters, item.settings.values, strict=True)
         )
         others = f", may also be {' or '.join(item.alternatives)}" if item.alternatives else ""
-        print(f"  {entry.name}, confidence {item.confidence:.2f}{others}: {values}")
+        print(f"  {entry.name}, confidence {item.confidence:.{3 if others else 2}f}{others}: {values}")
     for learnt in answer.learnt:
         print(f"  learnt: {learnt.sentence}")
         if learnt.formula:

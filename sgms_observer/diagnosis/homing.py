@@ -81,7 +81,7 @@ class Shift:
     Attributes:
         place: index of the recording among the held-out ones.
         name: of the recording.
-        offset: added to its positions, it fits what was learnt from the others best [m].
+        offset: added to its positions, it fits what was learnt from the others best, at most half a pitch [m].
         pitch: the offset is known within multiples of this length [m].
     """
 
@@ -94,8 +94,8 @@ class Shift:
         """Return what the recording says, and what to do."""
         pitch = units.readable(self.pitch)
         return (
-            f"the positions of {self.name} seem to lack {units.readable(self.offset)}, up to multiples of {pitch}. It"
-            " was judged with this length added to them: effects of the position that do not repeat within"
+            f"the positions of {self.name} fit with {units.readable(self.offset)} added, up to multiples of {pitch}. It"
+            " was judged so: effects of the position that do not repeat within"
             f" {pitch} cannot be judged on {self.name}. If the axis was not homed before each recording, home it"
         )
 
@@ -104,12 +104,13 @@ def shifts_in(diagnosis: Diagnosis) -> tuple[Shift, ...]:
     """Return the sure offsets of held-out recordings.
 
     Args:
-        diagnosis: with the recordings as they are. Of its hypotheses with an effect that is periodic in the position,
-            the one counts that fits best in the first round that has one.
+        diagnosis: with the recordings as they are. Its final model counts if it has an effect that is periodic in the
+            position: a model of the search lacks what was added later. Where it has none, a wrong position may have
+            refused that effect, and of the hypotheses with one the best fit in the first round that has one counts.
     """
     evaluation = diagnosis.evaluation
     rounds = [[decision.candidate.refit for decision in item.decisions] for item in diagnosis.rounds]
-    for fits in (*rounds, [diagnosis.written.after]):
+    for fits in ([diagnosis.written.after], *rounds):
         rippled = [fit for fit in fits if pitch_of(fit.model.effects) is not None]
         if rippled and evaluation.has_held_out:
             return position_shifts(min(rippled, key=lambda fit: fit.cost).model, evaluation)
@@ -137,7 +138,7 @@ def position_shifts(model: Model, evaluation: EvaluationData) -> tuple[Shift, ..
         after = weights * shifted.low_pass(predict(model, shifted).residual)
         gain = improvement(*(in_blocks([part], [motion], criteria.block) for part in (here, after)))
         if gain.z_score > criteria.z_score_of(OFFSETS_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable:
-            found.append(Shift(place, motion.name, offset, pitch))
+            found.append(Shift(place, motion.name, offset - pitch * round(offset / pitch), pitch))
     return tuple(found)
 
 

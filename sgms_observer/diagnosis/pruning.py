@@ -141,7 +141,8 @@ def compared(
     its place; among equals the rules of the first choice decide. Effects that a contact law cannot imitate are compared
     while the contact slides. A change of the file has no place that an effect could take. Where the model leaves more
     than noise, what is missing may make a small difference between two effects: it has to be larger than that.
-    Otherwise an effect of the file keeps its place even if a rival predicts significantly better.
+    Otherwise an effect of the file keeps its place even if a rival predicts significantly better. An effect of the file
+    that stays within its tolerance may be a rival, too: its value may be what is wrong.
 
     Args:
         state: state with everything that was accepted.
@@ -159,7 +160,7 @@ def compared(
     if item.accepted.candidate.settings is None:
         return state, item
     name, most = item.accepted.candidate.name, options.criteria.min_z_score
-    known = {one.name for one in state.current.effects}
+    known = {one.name for one in state.current.effects} - state.setup.held_effects
     rivals = {one.candidate.name: one for one in item.decisions if one.candidate.name in item.comparisons}
     rivals = {rival: one for rival, one in rivals.items() if rival not in known}
     if not rivals:

@@ -124,8 +124,7 @@ def sentence(answer: Answer, units: Units) -> str:
     names = _listed([item.settings.name.replace("_", " ") for item in answer.effects])
     match answer.verdict:
         case "effect_found":
-            those = "it" if len(answer.effects) == 1 else "them"
-            return f"The model misses {names}: with {those}, {shrink}.{_remainder_in_words(answer)}"
+            return f"{_found_in_words(answer)}, {shrink}.{_remainder_in_words(answer)}"
         case "ambiguous":
             pairs = " and ".join(
                 f"{item.settings.name} from {' or '.join(item.alternatives)}".replace("_", " ")
@@ -159,7 +158,38 @@ def sentence(answer: Answer, units: Units) -> str:
                 )
             return (
                 f"Nothing is missing that these recordings could show; the gap is {gap.after:.3g} % of the rms effort."
+                f"{_beyond_noise_in_words(answer)}"
             )
+
+
+def _found_in_words(answer: Answer) -> str:
+    """Return what was found as the beginning of a sentence: missing effects, and effects of the file that are wrong."""
+    listed = {item.name for item in answer.diagnosis.file_effects}
+    wrong, missing = (
+        [item.settings.name.replace("_", " ") for item in answer.effects if (item.settings.name in listed) == is_listed]
+        for is_listed in (True, False)
+    )
+    parts = [f"the model misses {_listed(missing)}"] if missing else []
+    parts += [f"the {_listed(wrong)} of the file {'is' if len(wrong) == 1 else 'are'} wrong"] if wrong else []
+    with_it = "it" if len(missing) == 1 else "them"
+    if wrong:
+        with_it = "the new values"
+    text = " and ".join(parts)
+    return f"{text[0].upper()}{text[1:]}: with {with_it}"
+
+
+def _beyond_noise_in_words(answer: Answer) -> str:
+    """Return what the noise alone would leave as a sentence that follows another one; empty where that is the gap.
+
+    Above twice the noise more than three quarters of the squared gap are something else.
+    """
+    gap, criteria = answer.gap, answer.diagnosis.evaluation.criteria
+    if gap.after <= criteria.max_sliding_over_noise * gap.noise:
+        return ""
+    return (
+        f" The noise alone would leave {gap.noise:.3g} %: the rest is a force that no recorded signal predicts, or"
+        " another contact law than that of the file."
+    )
 
 
 def _reasons(answer: Answer) -> str:
@@ -190,7 +220,9 @@ def _remainder_in_words(answer: Answer) -> str:
         return f" Beside {names}, the force along the position differs between the directions." if failed else ""
     maps = "a learnt map" if len(answer.learnt) == 1 else "learnt maps"
     left = f"with {maps} of it, {answer.gap_with_learnt:.3g} % is left"
-    return f" Beside that, something without a name is missing: {left}."
+    is_of_contact = all(item.is_of_contact for item in answer.learnt)
+    law = ", which may be another contact law than that of the file" if is_of_contact else ""
+    return f" Beside that, something without a name is missing{law}: {left}."
 
 
 def _learnt_in_words(answer: Answer) -> str:

@@ -41,7 +41,9 @@ def test_the_ripple_tells_where_a_recording_counts_from() -> None:
 def test_a_recording_that_counts_from_elsewhere_is_told_and_a_homed_one_is_not() -> None:
     (shift,) = position_shifts(RIPPLED, evaluation(LACKS))
     assert shift.offset == pytest.approx(LACKS, abs=0.1 * PITCH / OFFSETS_PER_PITCH) and shift.pitch == PITCH
-    assert "seem to lack 3.69 mm, up to multiples of" in shift.warning(UNITS)
+    assert "fit with 3.69 mm added, up to multiples of" in shift.warning(UNITS)
+    (back,) = position_shifts(RIPPLED, evaluation(PITCH - 1e-3))
+    assert back.offset == pytest.approx(-1e-3, abs=0.1 * PITCH / OFFSETS_PER_PITCH)
     assert position_shifts(RIPPLED, evaluation(0.0)) == ()
     assert position_shifts(Model.of(AXIS).with_effects([OFFSET]), evaluation(LACKS)) == ()
     assert position_shifts(RIPPLED, evaluation(LACKS, is_unseen=False)) == ()
@@ -67,7 +69,7 @@ def test_a_ripple_has_its_name_where_the_held_out_recording_counts_from_elsewher
     assert answer.verdict == "effect_found"
     (found,) = answer.effects
     assert found.settings.values[:3] == pytest.approx(COGGING.values[:3], rel=0.03)
-    told = [text for text in answer.warnings if text.startswith("the positions of elsewhere seem to lack")]
+    told = [text for text in answer.warnings if text.startswith("the positions of elsewhere fit with")]
     assert len(told) == (lacks > 0.0)
     (judged,) = answer.diagnosis.final_state.recordings.holdouts
     assert judged.reference_position is not None

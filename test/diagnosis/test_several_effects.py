@@ -22,6 +22,7 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.result import by_name
 from sgms_observer.diagnosis.sliding import sliding_shares
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 OPTIONS = Options(workers=1, band=25.0)
@@ -292,3 +293,14 @@ def test_an_effect_whose_gap_another_one_hides_is_added_and_tested_again_in_the_
     tests = [test for item in found.rounds for test in item.tests if test.of == "offset"]
     assert any(test.name == GAP_WHILE_OTHERS_ARE_MISSING for test in tests) == bool(names)
     assert any(test.name == "gap beside the others: z-score" and test.passed for test in tests) == bool(names)
+
+
+@pytest.mark.parametrize("z_score, first", [(-10.0, "asymmetric_coulomb"), (10.0, "offset")])
+def test_an_effect_that_the_file_lists_is_a_rival_too(search: Search, z_score: float, first: str) -> None:
+    """Files of ``sgms identify`` list an offset: beside a wrong name for one, it was no alternative."""
+    given = EffectSettings("asymmetric_coulomb", effect("asymmetric_coulomb").defaults)
+    setup = replace(search.state.setup, held_effects=frozenset({given.name}), file_effects=(given,))
+    state = replace(search.state, setup=setup, current=setup.fit((given, *search.state.current.effects)))
+    _, rounds = compared(z_score, state, search.rounds, [], OPTIONS)
+    assert [item.name for item in accepted_candidates(rounds)] == [first, "spring"]
+    assert rounds[0].comparisons.keys() == {"offset", "asymmetric_coulomb"} - {first}
