@@ -14,8 +14,9 @@ from rclpy.parameter import Parameter
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import CompensationSettings, Settings
+from sgms_observer.settings.declaration import Declared
 from sgms_observer.settings.load import settings_from_tree
-from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all, tree_from_parameters
+from sgms_observer.settings.node_parameters import declare_all, tree_from_parameters
 from sgms_observer.settings.parameter_file import overlaid, parameter_tree
 
 _TYPES = {
@@ -34,12 +35,12 @@ _TUNABLE = tuple(f".compensation.{field.name}" for field in fields(CompensationS
 _TUNING = 10.0
 
 
-def _descriptor(declaration: ParameterDeclaration, value: Any) -> ParameterDescriptor:
+def _descriptor(declaration: Declared, value: Any) -> ParameterDescriptor:
     """Return the ROS descriptor of a parameter with this start value."""
     is_fixed = declaration.name in _STRUCTURE or declaration.name.endswith("effects.names")
     descriptor = ParameterDescriptor(
         name=declaration.name,
-        type=_TYPES[declaration.type].value,
+        type=_TYPES[declaration.kind].value,
         description=declaration.description,
         read_only=is_fixed,
     )
@@ -48,7 +49,7 @@ def _descriptor(declaration: ParameterDeclaration, value: Any) -> ParameterDescr
     if declaration.minimum is None or declaration.maximum is None:
         return descriptor
     low, high = declaration.minimum, declaration.maximum
-    if declaration.type.startswith("double"):
+    if declaration.kind.startswith("double"):
         if declaration.name.endswith(_TUNABLE) and 0.0 < _TUNING * declaration.default < high:
             high = min(high, _TUNING * max(declaration.default, value))
         descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
@@ -75,7 +76,7 @@ class NodeParameters:
         self.settings = settings
         names: list[str] = []
 
-        def declare(declaration: ParameterDeclaration) -> Any:
+        def declare(declaration: Declared) -> Any:
             if not has_stage and ".stage." in declaration.name:
                 return None
             names.append(declaration.name)
@@ -108,7 +109,7 @@ class NodeParameters:
         return SetParametersResult(successful=True)
 
 
-def _declare(node: Node, declaration: ParameterDeclaration) -> Any:
+def _declare(node: Node, declaration: Declared) -> Any:
     """Declare one parameter and return its value; rclpy cannot infer the type of an empty list, so it is given."""
     if declaration.default != []:
         wide = _descriptor(declaration, math.inf)
@@ -116,7 +117,7 @@ def _declare(node: Node, declaration: ParameterDeclaration) -> Any:
         if declaration.name.endswith(_TUNABLE):
             node.set_descriptor(declaration.name, _descriptor(declaration, value))
         return value
-    kind = _TYPES[declaration.type]
+    kind = _TYPES[declaration.kind]
     try:
         value = node.declare_parameter(declaration.name, kind, ParameterDescriptor(name=declaration.name)).value
     except ParameterUninitializedException:

@@ -30,51 +30,16 @@ from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC
 from sgms_observer.settings.write import given_parameters, normal_parameters
 from sgms_observer.settings.yaml_text import parse
 
-
-@dataclass(frozen=True)
-class ParameterDeclaration:
-    """One parameter of a node.
-
-    Attributes:
-        name: full name, ``x.friction.static_force``.
-        type: ``double``, ``integer``, ``bool``, ``string``, ``double_array`` or ``string_array``.
-        default: the default value; a list for an array.
-        unit: SI unit, or ``-``.
-        description: one sentence for people, with the unit.
-        minimum: smallest allowed value; None for what is no number.
-        maximum: largest allowed value; None for what is no number.
-        choices: the allowed words; None for any.
-    """
-
-    name: str
-    type: str
-    default: Any
-    unit: str
-    description: str
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: tuple[str, ...] | None = None
-
-
 #: Declares one parameter and returns the value that it has then.
-Declare = Callable[[ParameterDeclaration], Any]
+Declare = Callable[[Declared], Any]
 
 
-def _declaration(name: str, declared: Declared) -> ParameterDeclaration:
-    """Return a setting as a parameter of a node."""
-    value = declared.default
+def _declaration(name: str, declared: Declared) -> Declared:
+    """Return a setting as a parameter of a node: with its full name, arrays as lists, unit and choices in words."""
     unit = "" if declared.unit == "-" else f" [{declared.unit}]"
     choices = f" ({', '.join(declared.choices)})" if declared.choices else ""
-    return ParameterDeclaration(
-        name=name,
-        type=declared.kind,
-        default=list(value) if isinstance(value, tuple) else value,
-        unit=declared.unit,
-        description=f"{declared.description}{unit}{choices}",
-        minimum=declared.minimum,
-        maximum=declared.maximum,
-        choices=declared.choices,
-    )
+    description = f"{declared.description}{unit}{choices}"
+    return replace(declared, name=name, default=_plain(declared.default), description=description)
 
 
 def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalogue) -> None:
@@ -88,7 +53,7 @@ def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalog
         catalogue: gives the known effects.
     """
 
-    def declared_value(declaration: ParameterDeclaration) -> Any:
+    def declared_value(declaration: Declared) -> Any:
         value = _plain(declare(declaration))
         return declaration.default if value is None else value
 
@@ -130,7 +95,7 @@ def _declare_axis(axis: str, declared_value: Declare, known: Catalogue) -> None:
     _declare_effects(f"{axis}.stage.effects", declared_value, known, joint_type)
 
 
-def _group(path: str, kind: type, joint_type: str) -> Iterable[ParameterDeclaration]:
+def _group(path: str, kind: type, joint_type: str) -> Iterable[Declared]:
     """Yield the parameters of a group and of the groups in it."""
     for key, declared in declared_settings(kind).items():
         yield _declaration(f"{path}.{key}", declared.of_joint_type(joint_type))

@@ -11,8 +11,9 @@ from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.learnt_map import LearntMap, MotionPath, learnt_coordinates
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.declaration import Declared
 from sgms_observer.settings.load import load_settings, settings_from_tree
-from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all, read_arguments
+from sgms_observer.settings.node_parameters import declare_all, read_arguments
 from sgms_observer.settings.write import tree_of, yaml_of
 from sgms_observer.whole_file import write_text
 
@@ -74,15 +75,15 @@ def test_ros_gets_lists_of_one_type(tmp_path: Path) -> None:
     table = {name.rpartition(".")[2]: value for name, value in given.items() if ".effects.learnt_map." in name}
     assert all(isinstance(entry, float) for entry in table["position"] + table["values"])
     assert table["coordinates"] == ["position", "direction"]
-    declared: dict[str, ParameterDeclaration] = {}
+    declared: dict[str, Declared] = {}
 
-    def declare(parameter: ParameterDeclaration) -> object:
+    def declare(parameter: Declared) -> object:
         declared[parameter.name] = parameter
         return given.get(parameter.name)
 
     declare_all(declare)
-    assert declared["x.effects.learnt_map.values"].type == "double_array"
-    assert declared["x.effects.learnt_map.coordinates"].type == "string_array"
+    assert declared["x.effects.learnt_map.values"].kind == "double_array"
+    assert declared["x.effects.learnt_map.coordinates"].kind == "string_array"
     assert declared["x.effects.learnt_map.position"].default == []
 
 

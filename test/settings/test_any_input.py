@@ -17,7 +17,7 @@ from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.check import as_number
 from sgms_observer.settings.declaration import Declared, declared_sections, declared_settings
 from sgms_observer.settings.load import installed_catalogue, load_settings, settings_from_tree
-from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all, tree_from_parameters
+from sgms_observer.settings.node_parameters import declare_all, tree_from_parameters
 from sgms_observer.settings.write import given_parameters, normal_parameters, tree_of, yaml_of
 from sgms_observer.settings.yaml_text import parse, text_of
 from sgms_observer.whole_file import write_text
@@ -165,9 +165,9 @@ def test_valid_settings_survive_writing_and_ros(seed: int, tmp_path_factory: Any
     given_to_ros = given_parameters(again)
     declared: dict[str, Any] = {}
 
-    def declare(parameter: ParameterDeclaration) -> Any:
+    def declare(parameter: Declared) -> Any:
         declared[parameter.name] = given_to_ros.pop(parameter.name, parameter.default)
-        assert is_of_type(declared[parameter.name], parameter.type), parameter.name
+        assert is_of_type(declared[parameter.name], parameter.kind), parameter.name
         return declared[parameter.name]
 
     declare_all(declare, catalogue)

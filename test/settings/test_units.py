@@ -107,11 +107,12 @@ def test_sentences_about_a_revolute_axis_have_its_units() -> None:
 
 
 def test_declared_parameters_of_a_node_have_the_units_of_the_joint_type() -> None:
-    from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all
+    from sgms_observer.settings.declaration import Declared
+    from sgms_observer.settings.node_parameters import declare_all
 
-    found: dict[str, ParameterDeclaration] = {}
+    found: dict[str, Declared] = {}
 
-    def declare(declaration: ParameterDeclaration) -> object:
+    def declare(declaration: Declared) -> object:
         assert declaration.name not in found, "declared twice"
         found[declaration.name] = declaration
         return {"axes": ["x", "z"], "x.joint_type": "revolute", "x.effects.names": ["cogging"]}.get(declaration.name)
