@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.reference import design_excitation
-from sgms_observer.identification.effect_terms import NO_EFFECTS
+from sgms_observer.identification.effect_terms import EffectTerms
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.prepared import prepare_all
 from sgms_observer.identification.problem import (
@@ -139,7 +139,7 @@ def force_error(
         cutoff: corner of the low-pass [Hz].
     """
     total, rows = 0.0, 0
-    for piece in prepare_all(recordings, cutoff, NO_EFFECTS):
+    for piece in prepare_all(recordings, cutoff, EffectTerms()):
         mask = piece.settled(float(parameters.slip_deflection.max()))
         residual, _jacobian = residual_and_jacobian(piece, parameters, ElementShape.of(axis.friction, model))
         total += float(residual[mask] @ residual[mask])

@@ -36,7 +36,7 @@ sys.path.insert(0, str(ROOT))
 
 from sgms_observer.arrays import Floats  # noqa: E402
 from sgms_observer.cli.main import main as sgms  # noqa: E402
-from sgms_observer.identification.effect_terms import NO_EFFECTS  # noqa: E402
+from sgms_observer.identification.effect_terms import EffectTerms  # noqa: E402
 from sgms_observer.identification.prepared import Prepared, prepare_all  # noqa: E402
 from sgms_observer.jit import njit  # noqa: E402
 from sgms_observer.offline.recording import Recordings, read_recordings  # noqa: E402
@@ -175,7 +175,7 @@ def judged(machine: Machine, data: Path) -> Row:
 
 def _rows(recordings: Recordings, axis: AxisSettings, band: float) -> list[Prepared]:
     """Return recordings as ``identify`` prepares them."""
-    return prepare_all(list(recordings), band, NO_EFFECTS)
+    return prepare_all(list(recordings), band, EffectTerms())
 
 
 def _linear_columns(piece: Prepared, axis: AxisSettings) -> list[Floats]:

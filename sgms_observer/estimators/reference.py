@@ -243,19 +243,3 @@ class WindowProgramme:
                 force, float(record[VELOCITY]), float(record[ACCELERATION]), float(record[FACTOR])
             )
             self._residuals.append((record[EFFORT] - modelled) / np.sqrt(self._estimator.tuning.variance))
-
-
-def solve(estimator: Estimator, solver: str = "ipopt") -> Solution:
-    """Solve the estimator's present window to convergence, starting from its present estimate.
-
-    Args:
-        estimator: an S-GMS moving horizon estimator with at least one interval in its window.
-        solver: a key of ``SOLVERS``.
-
-    Returns:
-        The solution; the estimator is left as it was.
-
-    Raises:
-        DataError: as ``WindowProgramme``.
-    """
-    return WindowProgramme(estimator).solve(solver)

@@ -90,11 +90,6 @@ class Motion(NamedTuple):
         return self.table[:, IS_RESTART] > 0.5
 
     @property
-    def elapsed(self) -> Floats:
-        """Time from the sample before to this one, used or not [s]; nominal after a pause, 0 where time stood still."""
-        return self.table[:, ELAPSED]
-
-    @property
     def is_jump(self) -> Booleans:
         """Whether it restarted because the position jumped, by more than ``jump_speed`` allows."""
         return self.table[:, IS_JUMP] > 0.5

@@ -255,7 +255,7 @@ def _is_reported_elsewhere(name: str, result: Identification) -> bool:
 
 def _summary(result: Identification, axis: AxisSettings) -> tuple[str, ...]:
     """Return sentences about the whole."""
-    tried = ", ".join(f"{choice.count}: {choice.held_out:.4g}" for choice in result.choices)
+    tried = ", ".join(f"{count}: {error:.4g}" for count, error in result.choices.items())
     word = axis.units.effort_word
     sentences = [
         f"{axis.name}: {result.model} with {result.parameters.count} elements, low-pass {result.cutoff:g} Hz; rms"

@@ -106,9 +106,6 @@ class EffectTerms:
         return None
 
 
-NO_EFFECTS = EffectTerms()
-
-
 def effect_terms(axis: AxisSettings) -> EffectTerms:
     """Return the terms of an axis; a revolute joint gets gravity whether or not its file has it."""
     others = [item for item in axis.effects if item.name != OFFSET_EFFECT]

@@ -56,19 +56,6 @@ class IdentifyOptions:
 
 
 @dataclass(frozen=True)
-class HeldOut:
-    """Held-out error of one number of elements.
-
-    Attributes:
-        count: number of elements.
-        held_out: rms of the force error over the validation chunks [N].
-    """
-
-    count: int
-    held_out: float
-
-
-@dataclass(frozen=True)
 class Identification:
     """Result of an identification.
 
@@ -77,7 +64,7 @@ class Identification:
         confidence: intervals, and which parameters are identifiable.
         frozen: indices of ``Parameters.vector`` that stay at the start value because they are not identifiable.
         relaxation: upper limit of the damping of the elements over their stiffness [s].
-        choices: held-out error of each number of elements tried.
+        choices: rms of the force error over the validation chunks by the number of elements tried [N].
         rms_error: rms force error over all rows [N].
         rms_effort: rms of the filtered effort over the same rows [N].
         rms_variation: rms of the filtered effort about its mean over the same rows [N].
@@ -96,7 +83,7 @@ class Identification:
     confidence: Confidence
     frozen: tuple[int, ...]
     relaxation: float
-    choices: tuple[HeldOut, ...]
+    choices: dict[int, float]
     rms_error: float
     rms_effort: float
     rms_variation: float
@@ -184,7 +171,7 @@ def identify(
         confidence=refined.confidence,
         frozen=refined.frozen,
         relaxation=refined.relaxation,
-        choices=tuple(HeldOut(*choice) for choice in held_out.items()),
+        choices=held_out,
         rms_error=float(np.sqrt(refined.fit.cost)),
         rms_effort=float(np.sqrt(np.mean(effort**2))),
         rms_variation=float(np.std(effort)),

@@ -204,15 +204,6 @@ class Conductor:
             self.wait(lambda t=topic, n=count: self._node.count_subscribers(t) >= n, f"{count} subscribers of {topic}")  # type: ignore[misc]
         time.sleep(_MATCHING)
 
-    def wait_publishers(self, topics: Sequence[str]) -> None:
-        """Wait until each of some topics has a publisher.
-
-        Args:
-            topics: their names.
-        """
-        for topic in topics:
-            self.wait(lambda t=topic: self._node.count_publishers(t) > 0, f"a publisher of {topic}")  # type: ignore[misc]
-
     def wait_active(self, node: str) -> None:
         """Wait until a lifecycle node is active.
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from sgms_observer.bags.cdr import JointStateDecoder, JointStateFields
 from sgms_observer.errors import DataError
 from sgms_observer.observer.pairing import Pairing
-from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.units import ScaledAxes, scales_by_axis
 
 _KEPT_NAME_LISTS = 64
@@ -108,12 +107,6 @@ class Intake:
             message: a serialized JointState.
         """
         return self._take("reference", message, _push_reference)
-
-    def pop(self) -> Iterator[tuple[int, Samples]]:
-        """Yield the number of an axis and its complete samples, until there are no more."""
-        for number, pairing in enumerate(self.pairings):
-            while (samples := pairing.pop()) is not None:
-                yield number, samples
 
     def _take(self, topic: str, message: bytes, push: _Push) -> bool:
         self.counts.messages += 1

@@ -19,9 +19,9 @@ NOISE = 0.1
 def converged_by_casadi(mhe: Estimator) -> np.ndarray:
     """Return the window's converged solution of the formulas themselves."""
     pytest.importorskip("casadi", reason="CasADi is not installed")
-    from sgms_observer.estimators.reference import solve
+    from sgms_observer.estimators.reference import WindowProgramme
 
-    return solve(mhe)
+    return WindowProgramme(mhe).solve()
 
 
 def noisy(scenario: Scenario, seed: int, std: float = NOISE) -> np.ndarray:

@@ -6,6 +6,7 @@ import math
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from itertools import cycle
 
@@ -22,7 +23,7 @@ from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, St
 from sgms_observer.nodes.transport import claim_domain
 from sgms_observer.observer.outgoing import COMPENSATION, ELEMENTS, ESTIMATE, Outgoing, OutgoingBlock
 from sgms_observer.observer.pairing import PairingCounts
-from sgms_observer.observer.samples import Estimates
+from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.units import Scales
 from sgms_observer.status import Status
@@ -51,6 +52,13 @@ def estimates(stamps: list[int], status: Status = Status.RUNNING) -> Estimates:
     )
 
 
+def complete_samples(intake: Intake) -> Iterator[tuple[int, Samples]]:
+    """Yield the number of an axis and its complete samples, until there are no more."""
+    for number, pairing in enumerate(intake.pairings):
+        while (samples := pairing.pop()) is not None:
+            yield number, samples
+
+
 class TestIntake:
     """Names, order of arrival, and messages that are wrong."""
 
@@ -60,7 +68,7 @@ class TestIntake:
             stamp = SECOND * len(names)
             intake.effort(JointStateEncoder(names, ("effort",)).encode(stamp, position))
             intake.position(JointStateEncoder(names, ("position",)).encode(stamp, position))
-        found = {number: samples.position.tolist() for number, samples in intake.pop()}
+        found = {number: samples.position.tolist() for number, samples in complete_samples(intake)}
         assert found == {0: [1.0], 1: [2.0]} or found == {0: [1.0, 1.0], 1: [2.0, 2.0]}
 
     @pytest.mark.parametrize("message", [b"", b"\x00\x01\x00\x00", b"\x00\x01" + bytes(20) + b"\xff" * 30])
@@ -68,7 +76,7 @@ class TestIntake:
         intake = Intake(["x"], 1.0e-3)
         for take in (intake.position, intake.effort, intake.position_and_effort, intake.reference):
             assert not take(message)
-        assert intake.counts.malformed == 4 and not list(intake.pop())
+        assert intake.counts.malformed == 4 and not list(complete_samples(intake))
 
     def test_foreign_and_short_messages_are_counted_and_told(self) -> None:
         intake = Intake(["x"], 1.0e-3)
@@ -83,7 +91,7 @@ class TestIntake:
         assert not intake.reference(JointStateEncoder(["x"], ("position", "velocity")).encode(SECOND, [3.0], [4.0]))
         assert not intake.effort(JointStateEncoder(["x"], ("effort",)).encode(SECOND, [2.0]))
         assert intake.position(JointStateEncoder(["x"], ("position",)).encode(SECOND, [1.0]))
-        ((number, samples),) = intake.pop()
+        ((number, samples),) = complete_samples(intake)
         columns = samples.position, samples.effort, samples.reference_position, samples.reference_velocity
         assert (number, [column.tolist() for column in columns]) == (0, [[1.0], [2.0], [3.0], [4.0]])
         assert asdict(intake.counts) == {**dict.fromkeys(asdict(intake.counts), 0), "messages": 3}
@@ -97,7 +105,7 @@ class TestIntake:
         intake = Intake(["y", "x"], 1.0e-3)
         both = JointStateEncoder(["x", "other"], ("position", "effort"))
         assert intake.position_and_effort(both.encode(SECOND, [1.0, 9.0], [2.0, 9.0]))
-        ((number, samples),) = intake.pop()
+        ((number, samples),) = complete_samples(intake)
         assert (number, samples.position.tolist(), samples.effort.tolist()) == (1, [1.0], [2.0])
         assert (intake.counts.short, intake.counts.foreign) == (0, 0)
         for fields in (("position",), ("effort",), ("velocity",)):
@@ -120,7 +128,7 @@ class TestIntake:
         intake.reference(JointStateEncoder(["x"], ("position",)).encode(SECOND, [3.0]))
         intake.effort(JointStateEncoder(["x"], ("effort",)).encode(SECOND, [2.0]))
         intake.position(JointStateEncoder(["x"], ("position",)).encode(SECOND, [1.0]))
-        ((_, samples),) = intake.pop()
+        ((_, samples),) = complete_samples(intake)
         assert samples.reference_position.tolist() == [3.0] and np.isnan(samples.reference_velocity).all()
 
     def test_an_axis_that_is_named_twice_counts_once_with_its_first_entry(self) -> None:
@@ -129,13 +137,13 @@ class TestIntake:
             intake.position(JointStateEncoder(names, ("position",)).encode(SECOND, list(range(len(names)))))
         assert intake.counts.repeated_names == 1  # of a list of names, not of every message with it
         intake.effort(JointStateEncoder(["x"], ("effort",)).encode(SECOND, [2.0]))
-        ((number, samples),) = intake.pop()
+        ((number, samples),) = complete_samples(intake)
         assert (number, samples.position.tolist()) == (0, [1.0])
 
     def test_samples_are_in_si(self) -> None:
         intake = Intake({"x": Scales(2.0, 10.0)}, 1.0e-3)
         intake.position_and_effort(JointStateEncoder(["x"], ("position", "effort")).encode(SECOND, [1.0], [1.0]))
-        ((_, samples),) = intake.pop()
+        ((_, samples),) = complete_samples(intake)
         assert (samples.position.tolist(), samples.effort.tolist()) == ([2.0], [10.0])
 
     def test_memory_of_names_is_bounded(self) -> None:
