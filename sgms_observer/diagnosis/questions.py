@@ -15,12 +15,14 @@ from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.final_model import UNEXPLAINED_WHILE_SLIDING
 from sgms_observer.diagnosis.fit import Refit, limits
 from sgms_observer.diagnosis.named import NINETY, Named
-from sgms_observer.diagnosis.tracking import PredictedTracking
+from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light
 from sgms_observer.settings.units import Units
 
 DATA, CONVERGENCE, BELIEVABILITY = "Data", "Convergence", "Believability"
+MIN_TRACKING_CHANGE = 0.05
+"""Smallest change of the predicted rms tracking error that counts, as a share of that with the file as given."""
 
 
 def questions_of(
@@ -238,19 +240,29 @@ def _feedforward(answer: Answer, checks: Sequence[CompensationCheck], units: Uni
 
 
 def _tracking(tracking: PredictedTracking | None, units: Units) -> Light:
-    """Ask whether compensation with the new model will improve tracking."""
+    """Ask whether compensation with the new model will improve tracking, against the file as it was given."""
     question = "Will compensation with the new model improve tracking?"
     if tracking is None:
         return Light(BELIEVABILITY, question, UNSURE, "The simulated loop does not stay finite.")
-    without, augmented = tracking.without, tracking.augmented
+    without, given, augmented = tracking.without, tracking.given, tracking.augmented
     facts = (
-        f"Predicted tracking error: {units.readable(without.rms)} rms and {units.readable(without.peak)} peak without,"
-        f" {units.readable(augmented.rms)} rms and {units.readable(augmented.peak)} peak with it."
+        f"{_in_words(given, units)} with the file as given, {_in_words(augmented, units)} with augmented.yaml"
+        f" ({_in_words(without, units)} without compensation)."
     )
-    if augmented.rms >= without.rms:
-        return Light(BELIEVABILITY, question, BAD, facts)
+    if augmented.rms > without.rms:
+        return Light(BELIEVABILITY, question, BAD, f"Worse than without compensation: {facts}")
+    if abs(augmented.rms - given.rms) <= MIN_TRACKING_CHANGE * given.rms:
+        return Light(BELIEVABILITY, question, UNSURE, f"No change: {facts}")
+    if augmented.rms > given.rms:
+        return Light(BELIEVABILITY, question, BAD, f"Worse: {facts}")
+    facts = f"Better: {facts}"
     if augmented.peak > without.peak:
-        return Light(BELIEVABILITY, question, UNSURE, f"{facts} The peak is larger.")
+        return Light(BELIEVABILITY, question, UNSURE, f"{facts} The peak is larger than without compensation.")
     if tracking.caution(units):
         return Light(BELIEVABILITY, question, UNSURE, f"{facts} The file's stage.controller may be another one.")
     return Light(BELIEVABILITY, question, GOOD, facts)
+
+
+def _in_words(error: TrackingError, units: Units) -> str:
+    """Return a predicted tracking error in words: ``7.12 um rms and 30 um peak``."""
+    return f"{units.readable(error.rms)} rms and {units.readable(error.peak)} peak"

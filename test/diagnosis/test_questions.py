@@ -153,13 +153,17 @@ def test_a_feedforward_that_leaves_more_is_not_said_to_leave_less() -> None:
 @pytest.mark.parametrize(
     ("tracking", "state", "says"),
     [
-        (BETTER, GOOD, "2 um rms and 9 um peak without, 400 nm rms and 2 um peak with it"),
-        (replace(BETTER, augmented=TrackingError(1e-6, 1.1e-5)), UNSURE, "The peak is larger."),
-        (replace(BETTER, augmented=TrackingError(3e-6, 5e-6)), BAD, "3 um rms"),
+        (BETTER, GOOD, "Better: 1 um rms and 5 um peak with the file as given, 400 nm rms and 2 um peak with"
+         " augmented.yaml (2 um rms and 9 um peak without compensation)."),
+        (replace(BETTER, augmented=TrackingError(9e-7, 1.1e-5)), UNSURE, "The peak is larger than without"),
+        (replace(BETTER, augmented=TrackingError(9.9e-7, 5e-6)), UNSURE, "No change: 1 um rms and 5 um peak with the"
+         " file as given, 990 nm rms"),
+        (replace(BETTER, augmented=TrackingError(1.2e-6, 5e-6)), BAD, "Worse: 1 um rms"),
+        (replace(BETTER, augmented=TrackingError(3e-6, 5e-6)), BAD, "Worse than without compensation: 1 um rms"),
         (replace(BETTER, recorded=TrackingError(2e-5, 9e-5)), UNSURE, "stage.controller may be another one"),
         (None, UNSURE, "does not stay finite"),
     ],
-)
+)  # fmt: skip
 def test_better_tracking_is_promised_only_where_rms_and_peak_shrink(
     tracking: PredictedTracking | None, state: str, says: str
 ) -> None:
