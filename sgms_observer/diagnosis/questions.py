@@ -235,7 +235,8 @@ def _feedforward(answer: Answer, checks: Sequence[CompensationCheck], units: Uni
     if after > before:
         return Light(BELIEVABILITY, question, UNSURE, f"{facts} That it leaves more may be chance.")
     is_significant = test.value <= -test.threshold
-    chance = "" if is_significant else f" The change is {-test.value:.2g} standard errors, which may be chance."
+    limit = f"{-test.value:.3g} standard errors, and {test.threshold:.3g} are needed"
+    chance = "" if is_significant else f" The decrease may be chance: it is {limit}."
     return Light(BELIEVABILITY, question, GOOD if is_significant else UNSURE, facts + chance)
 
 
