@@ -137,7 +137,7 @@ def _sections(part: IdentifiedAxis, of_axis: str) -> list[Section]:
         " Points: their mean in each range of velocity, with the standard deviation. Line: the model. Over position:"
         f" the same friction of all rows, measured and modelled {word} behind the same low-pass."
     )
-    header = ("parameter", "value", "95 % interval", "unit", "identifiable from this recording")
+    header = ("parameter", "value", "95 % interval", "unit", "interval within 5 %?")
     table = Table(header, [_row(row) for row in part.answer.rows])
     return [
         Section(f"Fit{of_axis}", [definition], [_fits(part)], pictures, plots),
@@ -149,7 +149,8 @@ def _sections(part: IdentifiedAxis, of_axis: str) -> list[Section]:
 def _row(row: Row) -> tuple[str, str, str, str, str]:
     """Return one parameter as a row of the table."""
     interval = f"+- {row.half_width:.2g}" if math.isfinite(row.half_width) else "none"
-    shown = "yes" if row.is_identifiable else f"no{f': {row.note}' if row.note else ''}"
+    shown = "not identifiable" if row.keeps_start_value else "no"
+    shown = "yes" if row.is_identifiable else f"{shown}{f': {row.note}' if row.note else ''}"
     return row.name, f"{row.value:.6g}", interval, row.unit, shown
 
 

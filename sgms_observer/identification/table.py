@@ -26,9 +26,9 @@ class Row:
     Attributes:
         name: parameter as in the YAML.
         value: estimate, SI unit.
-        half_width: half its 95 % interval; NaN if it was not estimated, infinite if it is not identifiable.
+        half_width: half its 95 % interval; NaN if it was not estimated, infinite if it has no interval.
         unit: SI unit.
-        is_identifiable: whether it is identifiable from the recordings.
+        is_identifiable: whether its interval is within 5 %.
         note: what to do if it is not.
     """
 
@@ -40,12 +40,17 @@ class Row:
     note: str = ""
 
     @property
+    def keeps_start_value(self) -> bool:
+        """Return whether the recordings do not identify the value at all, so that it was not estimated."""
+        return math.isnan(self.half_width)
+
+    @property
     def remark(self) -> str:
         """Return unit, interval, and whether the recordings identify the value."""
-        if math.isnan(self.half_width):
+        if self.keeps_start_value:
             known = f"{_UNKNOWN}: start value" if self.value else _UNKNOWN
         elif math.isinf(self.half_width):
-            known = f"{_UNKNOWN}: an estimate without interval"
+            known = "an estimate without interval"
         else:
             known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_identifiable else ", wider than 5 %")
         note = f"; {self.note}" if self.note and not self.is_identifiable else ""

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from sgms_observer.identification.problem import ELEMENTS, Parameters
-from sgms_observer.identification.table import _element_rows
+from sgms_observer.identification.report import _row
+from sgms_observer.identification.table import Row, _element_rows
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import REVOLUTE
 
@@ -25,3 +26,21 @@ def test_each_element_has_the_note_of_its_own_slip_deflection(joint_type: str, u
     assert [row.name.split("[")[1] for row in rows] == ["1]", "2]", "1]", "2]"]
     for row, size in zip(rows, (f"30 n{unit}", f"500 u{unit}") * 2, strict=True):
         assert f"reverse over less than {size}," in row.note and row.note in row.remark
+
+
+@pytest.mark.parametrize(
+    ("half_width", "is_known", "shown", "remark"),
+    [
+        (0.01, True, "yes", "N s/m; +- 0.01 (95 %)"),
+        (0.07, False, "no: slide faster", "N s/m; +- 0.07 (95 %), wider than 5 %; slide faster"),
+        (np.inf, False, "no: slide faster", "N s/m; an estimate without interval; slide faster"),
+        (np.nan, False, "not identifiable: slide faster",
+         "N s/m; not identifiable from this recording: start value; slide faster"),
+    ],
+)  # fmt: skip
+def test_only_a_value_that_keeps_its_start_is_not_identifiable(
+    half_width: float, is_known: bool, shown: str, remark: str
+) -> None:
+    """A value that is known to 7 % was estimated: the page and the file say the same of it."""
+    row = Row("friction.viscous_coefficient", 1.0, half_width, "N s/m", is_known, "slide faster")
+    assert _row(row)[-1] == shown and row.remark == remark
