@@ -79,7 +79,7 @@ def identification_answer(result: Identification, axis: AxisSettings, sample_per
         changes["compensation.look_ahead"] = _rounded(min(_look_ahead(float(scalars[DELAY]), sample_period), 0.1))
     rows = parameter_rows(result, axis)
     return Answer(
-        changes, remarks_of(rows, result), rows, _summary(result, axis), _warnings(result, axis, rows),
+        changes, remarks_of(rows, result, axis.units), rows, _summary(result, axis), _warnings(result, axis, rows),
         result.is_usable,
     )  # fmt: skip
 

@@ -13,6 +13,7 @@ from sgms_observer.effects.catalogue import effect
 from sgms_observer.identification.identify import Identification
 from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
 from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.units import Units
 
 DAMPING = "friction.element_damping"
 _UNKNOWN = "not identifiable from this recording"
@@ -139,12 +140,18 @@ def _effect_rows(result: Identification, axis: AxisSettings, widths: Floats) -> 
     return rows
 
 
-def remarks_of(rows: Sequence[Row], result: Identification) -> dict[str, str]:
-    """Return a remark for each line of the YAML; a list has one for all its entries."""
+def remarks_of(rows: Sequence[Row], result: Identification, units: Units) -> dict[str, str]:
+    """Return a remark for each line of the YAML; a list has one for all its entries.
+
+    Args:
+        rows: the table.
+        result: of the identification.
+        units: of the axis.
+    """
     single = [row for row in rows if not ("[" in row.name or " " in row.name or row.name == "delay")]
     remarks = {row.name: row.remark for row in single}
     damping = next(row for row in rows if row.name.startswith(DAMPING))
-    remarks[DAMPING] = f"N s/m; over element_stiffness: {damping.remark}"
+    remarks[DAMPING] = f"{units.of('N s/m')}; over element_stiffness: {damping.remark}"
     for name in ("friction.element_stiffness", "friction.element_fraction"):
         listed = [row for row in rows if row.name.startswith(f"{name}[")]
         widths = ", ".join(

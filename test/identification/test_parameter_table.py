@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sgms_observer.identification.problem import ELEMENTS, Parameters
+from sgms_observer.identification.problem import DELAY, ELEMENTS, Parameters
 from sgms_observer.identification.report import _row
-from sgms_observer.identification.table import Row, _element_rows
+from sgms_observer.identification.table import DAMPING, Row, _element_rows, remarks_of
 from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.settings.units import REVOLUTE
+from sgms_observer.settings.units import REVOLUTE, Units
 
 
 @pytest.mark.parametrize(("joint_type", "unit"), [("prismatic", "m"), (REVOLUTE, "rad")])
@@ -44,3 +44,12 @@ def test_only_a_value_that_keeps_its_start_is_not_identifiable(
     """A value that is known to 7 % was estimated: the page and the file say the same of it."""
     row = Row("friction.viscous_coefficient", 1.0, half_width, "N s/m", is_known, "slide faster")
     assert _row(row)[-1] == shown and row.remark == remark
+
+
+def test_the_damping_of_the_elements_has_the_unit_of_the_joint() -> None:
+    """A file of a revolute joint had one line in N s/m."""
+    names = (f"{DAMPING} over stiffness", "friction.element_stiffness[1]", "friction.element_fraction[1]")
+    rows = [Row(name, 1.0, 0.01, "s", True) for name in names]
+    result: Any = SimpleNamespace(frozen=(DELAY,))
+    remarks = remarks_of(rows, result, Units(REVOLUTE))
+    assert remarks[DAMPING].startswith("N m s/rad; over element_stiffness: s; +- 0.01")
