@@ -140,7 +140,8 @@ def identify_bags(
                 found.append(_identified(pieces, unseen, axis, settings.sample_period, job, show))
     _refuse_unknown_mass(settings, found)
     _write(settings, job, hashes, found)
-    write_text(render_page(identification_page(found, job.out, job.bags, job.holdout)), report)
+    page = identification_page(found, job.out, job.bags, job.holdout, len(found) < len(settings.axes))
+    write_text(render_page(page), report)
     return Identified(job.out, str(report), tuple(found))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,9 +75,21 @@ def report_path(yaml: str | Path, is_overwriting: bool) -> Path:
 
 
 def identification_page(
-    parts: Sequence[IdentifiedAxis], yaml: str, learnt: Sequence[str], held_out: Sequence[str]
+    parts: Sequence[IdentifiedAxis],
+    yaml: str,
+    learnt: Sequence[str],
+    held_out: Sequence[str],
+    has_other_axes: bool = False,
 ) -> Page:
-    """Return the report."""
+    """Return the report.
+
+    Args:
+        parts: the identified axes.
+        yaml: the written parameter file.
+        learnt: fitted recordings.
+        held_out: held-out recordings.
+        has_other_axes: whether the file has axes that were not identified.
+    """
     source = f"{Path(yaml).name} from {_listed(learnt)}"
     if held_out:
         source += f", judged on {_listed(held_out)}"
@@ -84,12 +97,36 @@ def identification_page(
     return Page(
         f"Identification of {'axis' if len(parts) == 1 else 'axes'} {', '.join(part.name for part in parts)}",
         " ".join(_verdict(part) for part in parts),
-        [section for part in parts for section in _sections(part, of_axis[part.name])],
+        [
+            Section("What to do next", _next_steps(parts, yaml, learnt, held_out, has_other_axes)),
+            *(section for part in parts for section in _sections(part, of_axis[part.name])),
+        ],
         f"{source}.",
         [f"{warning}." for part in parts for warning in part.answer.warnings],
         [light for part in parts for light in _questions(part, of_axis[part.name])],
         [picture for part in parts for picture in _lead(part)],
     )
+
+
+def _next_steps(
+    parts: Sequence[IdentifiedAxis], yaml: str, learnt: Sequence[str], held_out: Sequence[str], has_other_axes: bool
+) -> list[str]:
+    """Return the next step and its commands, one for each axis; arguments as for ``identification_page``."""
+    usable = [part.name for part in parts if part.answer.is_usable]
+    text = [
+        f"Do not use the model of {part.name}: follow the warnings, and identify it again."
+        for part in parts
+        if not part.answer.is_usable
+    ]
+    if not usable:
+        return text
+    text.append("Find out which effects the model misses, with a recording of another motion for --holdout:")
+    for name in usable:
+        words = ["sgms", "diagnose", *learnt, "--config", yaml, "--holdout", *(held_out or ["OTHER"])]
+        is_named = has_other_axes or len(parts) > 1
+        words += ["--axis", name] if is_named else []
+        text.append(shlex.join([*words, "--out", f"diagnosis_{name}" if is_named else "diagnosis"]))
+    return text
 
 
 def _listed(names: Sequence[str]) -> str:
