@@ -30,7 +30,7 @@ from sgms_observer.diagnosis.motion import EDGE_TIME, long_enough, motion_of
 from sgms_observer.diagnosis.recorded_controller import RecordedController, recorded_controller
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
-from sgms_observer.diagnosis.result import write_augmented, write_result
+from sgms_observer.diagnosis.result import AUGMENTED, augmented_text, write_augmented, write_result
 from sgms_observer.diagnosis.traces import traces_of
 from sgms_observer.diagnosis.tracking import MIN_COMPENSATED_SHARE, PredictedTracking, TrackingError
 from sgms_observer.diagnosis.workflow import diagnose_from, fitted_file
@@ -39,9 +39,10 @@ from sgms_observer.offline.band import choose_band, refuse_cutoff
 from sgms_observer.offline.recording import Recording, read_recordings
 from sgms_observer.report.page import write_page
 from sgms_observer.settings.axis import AxisSettings, Settings
-from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.load import load_settings, settings_from_tree
 from sgms_observer.settings.node_parameters import refuse_missing
 from sgms_observer.settings.units import Units
+from sgms_observer.settings.yaml_text import parse
 from sgms_observer.whole_file import try_folder
 from sim_plant.record import StageRecord
 from sim_plant.reference_file import PiecewiseCubic, through_points
@@ -55,7 +56,7 @@ HOLD = 1.5
 SUBSTEPS = 1
 """Integration steps per 0.1 ms: the errors differ from those with ten by less than a thousandth."""
 
-FILES = ("result.json", "augmented.yaml", "report.html", RESIDUAL_LOG)
+FILES = ("result.json", AUGMENTED, "report.html", RESIDUAL_LOG)
 """Files of a diagnosis in its folder."""
 
 
@@ -275,7 +276,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         limits=1
     ):  # the workers are threads; threads of the libraries would only wait for each other
         folder = Path(request.out)
-        step = _CompensationStep((judge or learn)[0], settings, axis, folder, options)
+        step = _CompensationStep((judge or learn)[0], settings, axis, options)
         answer, written, after, step = _diagnosed(learn, judge, step, show)
         checks = (step.before, after)
         tracking = predict_tracking(step.record, axis, written, band.corner)
@@ -286,11 +287,13 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
             answer = replace(answer, warnings=(*answer.warnings, caution))
         if tracking is not None and tracking.compensated_share < MIN_COMPENSATED_SHARE:
             notes.append(tracking.limits_sentence(written.compensation, axis.units))
-    write_result(answer, checks, tracking, axis.units, folder)
     traces = traces_of(answer)
-    write_residual_log(traces, axis.name, folder)
     run = Run(axis, options, [*request.bags, *request.holdout], notes)
-    write_page(diagnosis_page(answer, traces, checks, tracking, run), folder)
+    page = diagnosis_page(answer, traces, checks, tracking, run)
+    write_augmented(answer, settings, axis.name, folder)  # all files at the end: a signal before leaves none of them
+    write_result(answer, checks, tracking, axis.units, folder)
+    write_residual_log(traces, axis.name, folder)
+    write_page(page, folder)
     return DiagnoseResult(answer, checks, tracking, tuple(notes), axis.units)
 
 
@@ -302,14 +305,12 @@ class _CompensationStep:
         record: the recording.
         settings: of all axes, as given.
         axis: the diagnosed axis.
-        folder: folder of the augmented file.
         options: of the diagnosis.
     """
 
     record: Recording
     settings: Settings
     axis: AxisSettings
-    folder: Path
     options: Options
 
     @cached_property
@@ -326,9 +327,11 @@ class _CompensationStep:
         return check_compensation(self.record, axis, self.options.band, self.options.criteria.block)
 
     def written(self, answer: Answer) -> AxisSettings:
-        """Write an answer into the augmented file and return the axis as read from it."""
-        write_augmented(answer, self.settings, self.axis.name, self.folder)
-        return next(one for one in load_settings(self.folder / FILES[1]).axes if one.name == self.axis.name)
+        """Return the axis as the augmented file of an answer has it; the file itself is written with the others."""
+        folder = self.settings.folder  # it exists, so relative file names work
+        text = augmented_text(answer, self.settings, self.axis.name, Path(folder))
+        settings = settings_from_tree(parse(text, AUGMENTED), AUGMENTED, folder=folder)
+        return next(one for one in settings.axes if one.name == self.axis.name)
 
     def growth(self, of: str, later: CompensationCheck, earlier: CompensationCheck) -> Test:
         """Return the test that the feedforward of the later model leaves no more than that of the earlier one."""

@@ -17,9 +17,10 @@ from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import named_values
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.units import Units
-from sgms_observer.settings.write import write_settings
+from sgms_observer.settings.write import settings_text
 from sgms_observer.whole_file import write_text
 
+AUGMENTED = "augmented.yaml"
 SCHEMA = 2
 UNIT = "% of rms effort"
 
@@ -172,14 +173,14 @@ def changes_of(answer: Answer) -> dict[str, Any]:
     return changes
 
 
-def write_augmented(answer: Answer, settings: Settings, axis: str, out: Path) -> None:
-    """Write augmented.yaml.
+def augmented_text(answer: Answer, settings: Settings, axis: str, out: Path) -> str:
+    """Return the text of augmented.yaml.
 
     Args:
         answer: the answer.
         settings: the settings of the given file.
         axis: name of the axis.
-        out: folder; created if it does not exist.
+        out: folder of the file; relative file names in it are rewritten for it.
     """
     head = f"sgms diagnose: {answer.verdict}; gap {answer.gap.before:.3g} -> {answer.gap.after:.3g} % of rms effort"
     remarks = {
@@ -187,7 +188,12 @@ def write_augmented(answer: Answer, settings: Settings, axis: str, out: Path) ->
         for item in answer.effects
         for name in item.undetermined
     }
-    write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head, **remarks})
+    return settings_text(settings, out / AUGMENTED, {axis: changes_of(answer)}, {"": head, **remarks})
+
+
+def write_augmented(answer: Answer, settings: Settings, axis: str, out: Path) -> None:
+    """Write augmented.yaml; arguments as ``augmented_text``, and the folder is created if it does not exist."""
+    write_text(augmented_text(answer, settings, axis, out), out / AUGMENTED)
 
 
 def finite_or_none(value: float) -> float | None:
