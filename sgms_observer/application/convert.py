@@ -11,6 +11,7 @@ import numpy as np
 
 from sgms_observer.bags.bag_folder import refuse_existing_bag
 from sgms_observer.bags.conversion import Table, choose_window, parse_map, read_table, split_table, write_table
+from sgms_observer.errors import RecordingError
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.jumps import without_jumps
 
@@ -65,7 +66,7 @@ class Converted:
     Attributes:
         bags: the bags.
         topics: their topics.
-        notices: sentences about changes and suspicious values.
+        notices: sentences about changes and suspicious values; those that begin with ``Warning:`` are warnings.
     """
 
     bags: tuple[WrittenBag, ...]
@@ -91,7 +92,7 @@ def convert(path: Path, columns: Sequence[str], out: str, options: ConvertOption
         options: of the conversion.
 
     Raises:
-        RecordingError: the log cannot be read or a bag not be written.
+        RecordingError: the log cannot be read, a bag would have no position, or a bag cannot be written.
     """
     targets = [out] if options.split is None else [out, f"{out.rstrip('/')}{REST}"]
     for target in targets:
@@ -101,6 +102,12 @@ def convert(path: Path, columns: Sequence[str], out: str, options: ConvertOption
         end = float("inf") if options.end is None else options.end
         table = choose_window(table, options.start or 0.0, end)
     parts = (table,) if options.split is None else split_table(table, options.split)
+    for part in parts:
+        if not np.any(np.isfinite(part.position)):
+            raise RecordingError(
+                f"{path}: the positions of {part.stamp_ns.size} samples for one bag are all NaN or infinite; change"
+                " --from, --to or --split"
+            )
     for part, target in zip(parts, targets, strict=True):
         write_table(part, target, options.axis, options.storage, is_overwriting=options.is_overwriting)
     topics = ["position"]

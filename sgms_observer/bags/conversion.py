@@ -33,7 +33,7 @@ class Table:
         control_effort: [N] or [N m], shape (n,), or None.
         reference: set-point [m] or [rad], shape (n,), or None.
         reference_velocity: derivative of the set-point [m/s] or [rad/s], shape (n,), or None.
-        notices: sentences about changes and suspicious values.
+        notices: sentences about changes and suspicious values; those that begin with ``Warning:`` are warnings.
     """
 
     stamp_ns: Ints
@@ -121,7 +121,7 @@ def read_table(path: Path, columns: Mapping[str, str], rate: float | None = None
         rate: samples per second [Hz] of a log without times.
 
     Raises:
-        RecordingError: a column is missing, has another length, or the times step back.
+        RecordingError: a column is missing, has another length or no number, or the times step back.
     """
     log = open_log(path)
     wanted = {key: Combination(path, text, log.spellings, log.names) for key, text in columns.items()}
@@ -145,9 +145,11 @@ def read_table(path: Path, columns: Mapping[str, str], rate: float | None = None
     time = values["time"]
     for key in ("position", "control_effort", "reference"):
         bad = int(np.count_nonzero(~np.isfinite(values[key]))) if key in values else 0
+        if bad == time.size:
+            raise RecordingError(f"{path}: column {spelled[key]} holds no number; check --map {key}")
         if bad:
             notices.append(
-                f"{bad} of {time.size} entries of {key} are NaN or infinite; the observer will leave them out"
+                f"Warning: {bad} of {time.size} entries of {key} are NaN or infinite; the observer will leave them out"
             )
     shift = max(0.0, _FIRST_STAMP - float(time[0]))
     if shift:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option, add_storage_option
+from sgms_observer.cli.warn import PREFIX, say
 from sgms_observer.outcome import Outcome
 
 HELP = "turn a log (text or MAT) into a bag that replay, identify and diagnose read"
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> Outcome:
     options = ConvertOptions(args.rate, args.start, args.end, args.split, args.axis, args.storage, args.overwrite)
     converted = convert(args.file, args.map, args.out, options)
     for notice in converted.notices:
-        print(f"note: {notice}")
+        say(notice if notice.startswith(PREFIX) else f"note: {notice}")
     for bag in converted.bags:
         print(f"{bag.path}: {bag.samples} samples of axis {args.axis}, {bag.duration:.6g} s at {bag.rate:.6g} Hz")
     print(f"topics: {', '.join(converted.topics)}")

@@ -199,3 +199,42 @@ def test_a_position_that_jumps_is_told_in_one_sentence(tmp_path: Path) -> None:
         np.savetxt(log, np.column_stack([time + 1.0, position]), delimiter=",", header="t,q", comments="", fmt="%.9g")
         converted = convert(log, ["time=t", "position=q"], str(tmp_path / name), ConvertOptions())
         assert list(converted.notices) == findings
+
+
+@pytest.mark.parametrize("column", ["q", "u"])
+def test_a_column_without_a_number_is_refused(
+    tmp_path: Path, column: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bag without one usable position was written with exit code 0."""
+    monkeypatch.chdir(tmp_path)
+    rows = {"q": "nan,1", "u": "1,nan"}[column]
+    Path("allnan.csv").write_text("t,q,u\n" + "".join(f"{k}e-3,{rows}\n" for k in range(5)))
+    arguments = ["convert", "allnan.csv", "--out", "bag", "--map", "time=t", "position=q", "control_effort=u"]
+    assert main(arguments) == 1
+    printed = capsys.readouterr()
+    assert printed.err.startswith(f"allnan.csv: column {column} holds no number; check --map ") and not printed.out
+    assert [path.name for path in tmp_path.iterdir()] == ["allnan.csv"]
+
+
+def test_a_part_without_a_position_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("log.csv").write_text("t,q\n" + "".join(f"{k}e-3,{k if k < 10 else 'nan'}\n" for k in range(20)))
+    convert_log = ["convert", "log.csv", "--map", "time=t", "position=q", "--out", "bag"]
+    for options in (["--split", "0.6"], ["--from", "0.012"]):
+        assert main([*convert_log, *options]) == 1
+        assert "samples for one bag are all NaN or infinite; change --from" in capsys.readouterr().err
+        assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.parametrize("switch", [[], ["--quiet"], ["--json"]])
+def test_a_position_that_is_no_number_is_a_warning(
+    tmp_path: Path, switch: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t,q\n5,1\n5.001,2\n5.002,nan\n5.003,3\n")
+    assert main(["convert", str(path), "--map", "time=t", "position=q", "--out", str(tmp_path / "bag"), *switch]) == 0
+    printed = capsys.readouterr()
+    assert printed.err.startswith("Warning: 1 of 4 entries of position are NaN or infinite; ")
+    assert "note: 1 of 4" not in printed.out
