@@ -313,9 +313,11 @@ def _from_bag(
     position, effort = find_input_topics(bag, surveys, topics)
     joints = axes or [joint for joint in position.joints if position.filled[joint][0]]
     strange = [name for name in joints if name not in position.joints]
-    if strange or not joints:
+    if strange:
         held = ", ".join(position.joints) or "no joint"
-        raise RecordingError(f"--axis {(strange or ['x'])[0]} is not in {position.name} of {bag}; it has {held}")
+        raise RecordingError(f"--axis {strange[0]} is not in {position.name} of {bag}; it has {held}")
+    if not joints:
+        raise RecordingError(f"{position.name} of {bag} holds no position of any joint; record it again")
     drafts, found = [], list(warnings)
     for name in joints:
         axis = AxisSettings(name=name, joint_type=options.joint_type, position_scale=options.position_scale,

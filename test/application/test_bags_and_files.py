@@ -370,3 +370,13 @@ def test_efforts_at_a_lower_rate_leave_the_sample_period_as_it_is(
     assert "made no correction, so the recording does not show whether it fits" in page
     assert main(["replay", bag, "--config", out, "--out", str(tmp_path / "again")]) == 3
     assert "0 corrections;" in capsys.readouterr().out
+
+
+def test_init_of_a_bag_without_a_position_names_no_axis(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The sentence was about ``--axis x``, which was not given, and said that the bag has x."""
+    stamps = 10**9 + 1_000_000 * np.arange(50)
+    bag, yaml = str(tmp_path / "allnan"), tmp_path / "start.yaml"
+    write_table(Table(stamps, np.full(50, np.nan), np.zeros(50), None, None, ()), bag, "x")
+    assert main(["init", bag, "--out", str(yaml)]) == 1
+    assert capsys.readouterr().err == f"/position of {bag} holds no position of any joint; record it again\n"
+    assert not yaml.exists()
