@@ -321,12 +321,12 @@ def inspect_bag(
     """
     surveys, warnings = survey_bag(bag)
     with BagReader(bag) as reader:
-        inputs = find_inputs(reader, topics)
+        inputs = _named_inputs(reader, topics)
     position = next((survey for survey in surveys if survey.name == inputs["position"]), None)
     sentences = list(warnings)
     if position is None:
         with BagReader(bag) as reader:
-            sentences.append(str(missing_topic(reader, topics.get("position", "position"), "position")))
+            sentences.append(str(missing_topic(reader, "position", "position")))
         return BagInfo(str(bag), surveys, inputs, (), tuple(sentences), joint_type)
     joints = [joint for joint in position.joints if position.filled[joint][0]]
     if not joints:
@@ -356,15 +356,24 @@ def find_input_topics(
         topics: names of the input topics where they differ.
 
     Raises:
-        RecordingError: there is none; one sentence with the remedy.
+        RecordingError: there is none, or a topic that was named is not there; one sentence with the remedy.
     """
     with BagReader(bag) as reader:
-        inputs = find_inputs(reader, topics)
+        inputs = _named_inputs(reader, topics)
         name = inputs["position"]
         if name is None:
-            raise missing_topic(reader, topics.get("position", "position"), "position")
+            raise missing_topic(reader, "position", "position")
     by_name = {survey.name: survey for survey in surveys}
     return by_name[name], by_name.get(inputs["control_effort"] or "")
+
+
+def _named_inputs(reader: BagReader, topics: Mapping[str, str]) -> dict[str, str | None]:
+    """Return the topic for each input, None where there is none; raise if the user named a topic that is not there."""
+    inputs = find_inputs(reader, topics)
+    for key, name in topics.items():
+        if inputs[key] is None:
+            raise missing_topic(reader, name, key)
+    return inputs
 
 
 def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:

@@ -380,3 +380,19 @@ def test_init_of_a_bag_without_a_position_names_no_axis(tmp_path: Path, capsys: 
     assert main(["init", bag, "--out", str(yaml)]) == 1
     assert capsys.readouterr().err == f"/position of {bag} holds no position of any joint; record it again\n"
     assert not yaml.exists()
+
+
+@pytest.mark.parametrize("key", ["position", "control_effort", "reference"])
+@pytest.mark.parametrize("command", ["info", "init"])
+def test_a_named_topic_that_is_not_there_is_refused(
+    tmp_path: Path, command: str, key: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``info`` ended with 0: a warning for the position, and for the effort "no sample has an effort"."""
+    bag = str(tmp_path / "bag")
+    stamps = 10**9 + 1_000_000 * np.arange(50)
+    write_table(Table(stamps, np.arange(50.0), np.zeros(50), None, None, ()), bag, "x")
+    out = ["--out", str(tmp_path / "start.yaml")] if command == "init" else []
+    assert main([command, bag, "--topic", f"{key}=/nothere", *out]) == 1
+    printed = capsys.readouterr()
+    assert printed.err.startswith(f"{bag} has no topic /nothere; it holds /control_effort, /position; ")
+    assert printed.err.count("\n") == 1 and not printed.out
