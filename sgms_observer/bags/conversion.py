@@ -236,12 +236,14 @@ def write_table(
         for first in range(0, table.stamp_ns.size, _ROWS_AT_ONCE):
             rows = slice(first, first + _ROWS_AT_ONCE)
             stamps = table.stamp_ns[rows]
-            writer.write_joint_states("position", stamps, (axis,), position=table.position[rows])
-            if table.control_effort is not None:
-                writer.write_joint_states("control_effort", stamps, (axis,), effort=table.control_effort[rows])
+            # The reference first: a reader pairs position and effort as soon as it has both, and does not wait for the
+            # first reference.
             if table.reference is not None and table.reference_velocity is not None:
                 position, velocity = table.reference[rows], table.reference_velocity[rows]
                 writer.write_joint_states("reference", stamps, (axis,), position=position, velocity=velocity)
+            writer.write_joint_states("position", stamps, (axis,), position=table.position[rows])
+            if table.control_effort is not None:
+                writer.write_joint_states("control_effort", stamps, (axis,), effort=table.control_effort[rows])
 
 
 def _ordered(path: Path, name: str, values: Mapping[str, Floats]) -> tuple[dict[str, Floats], list[str]]:

@@ -21,6 +21,14 @@ MAX_LAG = 0.25
 _ROWS = 4096
 _NEVER = -(2**63)
 _NAN = math.nan
+_ONE = {
+    "positions": "position",
+    "control_efforts": "control_effort",
+    "references": "reference",
+    "messages": "message",
+    "times": "time",
+}
+_ONE_LATER = (("they were", "it was"), ("and were", "and was"), ("before them", "before it"))
 
 
 @dataclass
@@ -67,7 +75,7 @@ class PairingCounts:
             ),
             (self.stream_resets, "times the stamps of control_effort or reference jumped back by more than a second"),
         )
-        return tuple(f"{count} {text}" for count, text in found if count)
+        return tuple(f"{count} {text if count > 1 else _of_one(text)}" for count, text in found if count)
 
 
 @dataclass
@@ -329,3 +337,11 @@ class Pairing:
             self._next = row + 1
             if self._next == _ROWS:
                 self.cut()
+
+
+def _of_one(text: str) -> str:
+    """Return the words of a count for a count of one."""
+    noun, _, rest = text.partition(" ")
+    for several, one in _ONE_LATER:
+        rest = rest.replace(several, one)
+    return f"{_ONE[noun]} {rest}"

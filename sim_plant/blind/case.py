@@ -199,8 +199,7 @@ def write_bag(path: Path, tracks: dict[str, Track], start_ns: int) -> None:
 
     with BagWriter(path) as bag:
         names = list(tracks)
-        bag.write_joint_states("position", stamps, names, position=columns(lambda track: track.position))
-        bag.write_joint_states("control_effort", stamps, names, effort=columns(lambda track: track.effort))
+        # The reference first: a reader does not wait for the first reference.
         bag.write_joint_states(
             "reference",
             stamps,
@@ -208,6 +207,8 @@ def write_bag(path: Path, tracks: dict[str, Track], start_ns: int) -> None:
             position=columns(lambda track: track.reference),
             velocity=columns(lambda track: track.reference_velocity),
         )
+        bag.write_joint_states("position", stamps, names, position=columns(lambda track: track.position))
+        bag.write_joint_states("control_effort", stamps, names, effort=columns(lambda track: track.effort))
 
 
 def make_case(

@@ -193,8 +193,9 @@ def write_bag(path: Path, recording: Recording) -> None:
     """Write position, control_effort and reference into a new bag; nothing of the truth."""
     stamps = START_NS + np.rint(recording.time * 1.0e9).astype(np.int64)
     with BagWriter(path) as bag:
-        bag.write_joint_states("position", stamps, ["x"], position=recording.position)
-        bag.write_joint_states("control_effort", stamps, ["x"], effort=recording.effort)
+        # The reference first: a reader does not wait for the first reference.
         bag.write_joint_states(
             "reference", stamps, ["x"], position=recording.reference, velocity=recording.reference_velocity
         )
+        bag.write_joint_states("position", stamps, ["x"], position=recording.position)
+        bag.write_joint_states("control_effort", stamps, ["x"], effort=recording.effort)

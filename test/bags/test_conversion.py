@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sgms_observer.application.convert import ConvertOptions, convert
 from sgms_observer.bags.conversion import open_log, parse_map, read_table, write_table
-from sgms_observer.bags.reader import read_joint_states, read_samples
+from sgms_observer.bags.reader import BagSamples, read_joint_states, read_samples
 from sgms_observer.cli.main import main
 from sgms_observer.errors import RecordingError
 
@@ -238,3 +238,16 @@ def test_a_position_that_is_no_number_is_a_warning(
     printed = capsys.readouterr()
     assert printed.err.startswith("Warning: 1 of 4 entries of position are NaN or infinite; ")
     assert "note: 1 of 4" not in printed.out
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_the_first_sample_has_its_reference(tmp_path: Path, storage: str) -> None:
+    """It came behind position and effort, and every replay warned of it."""
+    path = tmp_path / "log.csv"
+    path.write_text("t,q,u,r\n" + "".join(f"{5 + 1e-3 * k:.3f},{k},1,{k}\n" for k in range(40)))
+    columns = ["time=t", "position=q", "control_effort=u", "reference=r"]
+    assert main(["convert", str(path), "--map", *columns, "--out", str(tmp_path / "bag"), "--storage", storage]) == 0
+    samples = BagSamples(tmp_path / "bag", ["x"])
+    blocks = [block for _, block in samples]
+    assert samples.warnings == ()
+    assert np.concatenate([block.reference_position for block in blocks]).tolist() == list(range(40))

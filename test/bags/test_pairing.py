@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import asdict
 
 import numpy as np
@@ -588,3 +589,11 @@ def test_the_first_sample_needs_no_preparation_and_the_second_is_another_one() -
         assert pairing.alone_ns == k * STEP
         assert rows(drain(pairing)) == [(k * STEP, 1.0 + k, 2.0, None, None)]
         pairing.prepare()
+
+
+@pytest.mark.parametrize("name", [name for name in asdict(PairingCounts()) if name != "samples"])
+def test_a_count_of_one_has_words_for_one(name: str) -> None:
+    """It read "1 references had no position of the same time; they were not used"."""
+    (sentence,) = PairingCounts(**{name: 1}).sentences()
+    assert re.match("1 (position|control_effort|reference|message|time) ", sentence)
+    assert not re.search("they|were|them", sentence.partition(";")[0]) or "friction was" in sentence

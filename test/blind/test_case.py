@@ -39,12 +39,16 @@ def test_case_shows_nothing_of_its_truth(tmp_path: Path) -> None:
 @needs_numba
 def test_bags_hold_all_topics(tmp_path: Path) -> None:
     from sgms_observer.bags.bag_folder import METADATA
+    from sgms_observer.bags.reader import BagSamples
 
     paths = make_case(2, "nothing", 0.0, tmp_path, duration=2.0)
     for bag in (paths.bag, *paths.holdouts):
         content = (bag / METADATA).read_text()
         for topic in ("/position", "/control_effort", "/reference"):
             assert topic in content
+        samples = BagSamples(bag, ["x"])
+        blocks = [block for _, block in samples]
+        assert samples.warnings == () and np.isfinite(blocks[0].reference_position[0])
 
 
 @needs_numba
