@@ -105,6 +105,7 @@ def replay_bag(
     settings = replace(settings, axes=tuple(axis for axis in settings.axes if axis in wanted))
     names = [axis.name for axis in settings.axes]
     source = BagSamples(bag, settings.scales, settings.sample_period, topics=topics)
+    source.refuse_unknown_axes()
     first, last = source.span_ns
     tallies = {axis.name: Tally(axis.units.effort) for axis in settings.axes}
     views: tuple[AxisView, ...] = ()

@@ -87,6 +87,26 @@ class BagSamples:
             sentences += [f"{axis}: {sentence}" for sentence in pairing.counts.sentences()]
         return tuple(sentences)
 
+    def refuse_unknown_axes(self) -> None:
+        """Raise if no position of the bag has the name of an axis; call it before the iteration.
+
+        It reads the first positions only, or all of them where an axis is not among the first.
+
+        Raises:
+            RecordingError: an axis is not in the bag.
+        """
+        topic = self._topics["position"] or ""
+        names: dict[str, None] = {}
+        patterns: list[Pattern] = []
+        for block in self._bag.blocks((topic,)):
+            groups, _ = decode_joint_states(block, block.of_topic(topic), patterns)
+            names.update(dict.fromkeys(name for group in groups for name in group.names))
+            if names.keys() >= self._axes.keys():
+                return
+        for axis in self._axes:
+            if axis not in names:
+                raise self._unknown_axis(axis, list(names))
+
     def __iter__(self) -> Iterator[tuple[str, Samples]]:
         """Yield axis and samples, in order of time for each axis."""
         wanted = tuple(dict.fromkeys(topic for topic in self._topics.values() if topic))
@@ -163,10 +183,15 @@ class BagSamples:
                 raise RecordingError(
                     f"{topic} in {self._bag.path} has no usable position of axis {axis}; record it again"
                 )
-            held = ", ".join(ascii(name)[1:-1] for name in list(self._seen)[:10]) or "no joint"
-            raise RecordingError(
-                f"{topic} in {self._bag.path} holds {held}, not axis {axis}; name the axis as the bag does"
-            )
+            raise self._unknown_axis(axis, list(self._seen))
+
+    def _unknown_axis(self, axis: str, names: Sequence[str]) -> RecordingError:
+        """Return the error about an axis that no position has, with the first names of the topic."""
+        held = ", ".join(ascii(name)[1:-1] for name in names[:10]) or "no joint"
+        return RecordingError(
+            f"{self._topics['position']} in {self._bag.path} holds {held}, not axis {axis}; name the axis as the bag"
+            " does"
+        )
 
 
 def read_samples(

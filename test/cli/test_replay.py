@@ -6,11 +6,15 @@ import sys
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sgms_observer.application.replay import in_own_thread
+from sgms_observer.bags.reader import BagSamples
 from sgms_observer.bags.source import BagReader
+from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
+from sgms_observer.observer.all_axes import AllAxes
 
 _CONFIG = """/**:
   ros__parameters:
@@ -98,6 +102,29 @@ def test_a_bag_in_sqlite_is_replayed_too(recording: Path) -> None:
     renamed = ["--topic", "position=/friction_estimate", "--topic", "control_effort=/friction_estimate"]
     assert main(["replay", str(bag), "--config", config, "--out", str(out), *renamed]) == 0
     assert len(_messages(out)["/friction_estimate"]) == 15_000
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_an_axis_that_the_bag_lacks_is_refused_before_the_first_sample(
+    tmp_path: Path, storage: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The observer ran over the whole bag, with progress, and only then refused it. A name may come later."""
+    stamps = 10**9 + 100_000 * np.arange(2000)
+    with BagWriter(tmp_path / "bag", storage) as bag:
+        for axis, rows in (("y", slice(0, 1500)), ("x", slice(1500, None))):
+            zeros = np.zeros(len(stamps[rows]))
+            bag.write_joint_states("position", stamps[rows], (axis,), position=zeros)
+            bag.write_joint_states("control_effort", stamps[rows], (axis,), effort=zeros)
+    config = tmp_path / "table.yaml"
+    config.write_text(_CONFIG.replace("[x]", "[x, table]").rstrip() + "\n    table: {mass: 5.0}\n")
+    blocks = []
+    monkeypatch.setattr(AllAxes, "step", lambda _, block: blocks.append(block))
+    arguments = ["replay", str(tmp_path / "bag"), "--config", str(config), "--out", str(tmp_path / "out")]
+    assert main(arguments) == 1
+    sentence = f"/position in {tmp_path / 'bag'} holds y, x, not axis table; name the axis as the bag does"
+    assert sentence in capsys.readouterr().err
+    assert not blocks and not (tmp_path / "out").exists()
+    BagSamples(tmp_path / "bag", ["x", "y"]).refuse_unknown_axes()
 
 
 def test_messages_are_the_same_without_numba(tmp_path: Path) -> None:
