@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.fleet_commands import add_fleet_arguments
+from sgms_observer.cli.fleet_commands import add_fleet_arguments, refuse_no_workers
 from sgms_observer.cli.options import (
     ONE_AXIS,
     add_bag_options,
@@ -74,8 +74,9 @@ def run(args: argparse.Namespace) -> Outcome:
 
     if not 0.0 < args.tolerance < 1.0:
         raise ConfigurationError([f"--tolerance {args.tolerance:g} must lie between 0 and 1; 0.05 is five per cent"])
-    if args.workers < 0 or args.seed < 0:
-        raise ConfigurationError(["--workers and --seed must not be negative; leave them out for the defaults"])
+    refuse_no_workers(args.workers)
+    if args.seed < 0:
+        raise ConfigurationError([f"--seed {args.seed} must not be negative; leave it out for the default"])
     axis = axis_from(args.axis, "diagnose")
     workers = args.workers or os.cpu_count() or 1
     request = DiagnoseRequest(

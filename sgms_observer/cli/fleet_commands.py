@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from sgms_observer.cli.progress import Progress
 from sgms_observer.cli.warn import warn
+from sgms_observer.errors import ConfigurationError
 from sgms_observer.outcome import EXIT_DONE, EXIT_FAILED, EXIT_NOT_USABLE, Outcome
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers",
         type=int,
-        default=0,
         metavar="N",
         help="jobs at a time on this machine; the result does not depend on it (default: cores)",
     )
@@ -36,6 +36,19 @@ def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
         help="run the jobs of several bags on the Dask cluster at this address, such as tcp://host:8786, whose workers"
         " see the same folders; needs the extra 'fleet'",
     )
+
+
+def refuse_no_workers(workers: int | None) -> None:
+    """Raise the sentence about a number of jobs at a time below one.
+
+    Args:
+        workers: as the user gave it; None for one per core.
+
+    Raises:
+        ConfigurationError: it is below 1.
+    """
+    if workers is not None and workers < 1:
+        raise ConfigurationError([f"--workers {workers} must be at least 1; leave it out for one per core"])
 
 
 def replay_many(args: argparse.Namespace, topics: Mapping[str, str]) -> Outcome:
@@ -121,7 +134,7 @@ def _do(
     refuse_existing_files([out / name for name in files], args.overwrite)
     try_folder(out)
     with Progress(label, len(jobs)) as progress:
-        outcomes = run_jobs(jobs, args.workers, args.scheduler, progress.show)
+        outcomes = run_jobs(jobs, args.workers or 0, args.scheduler, progress.show)
     write_summary(title, outcomes, out, args.config, has_page=has_page)
     for outcome in outcomes:
         if outcome.fault:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from sgms_observer.cli.fleet_commands import add_fleet_arguments
+from sgms_observer.cli.fleet_commands import add_fleet_arguments, refuse_no_workers
 from sgms_observer.cli.options import (
     add_bag_options,
     add_output_options,
@@ -14,7 +14,6 @@ from sgms_observer.cli.options import (
     topics_from,
 )
 from sgms_observer.cli.warn import warn
-from sgms_observer.errors import ConfigurationError
 from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 HELP = "run the observer over a recorded bag and write its estimates into another; deterministic"
@@ -44,8 +43,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.application.replay import replay_bag, write_report
     from sgms_observer.cli.progress import Progress
 
-    if args.workers < 0:
-        raise ConfigurationError([f"--workers {args.workers} must not be negative; leave it out for one per core"])
+    refuse_no_workers(args.workers)
     if len(args.bags) > 1 or args.scheduler is not None:
         from sgms_observer.cli.fleet_commands import replay_many
 

@@ -340,6 +340,7 @@ def test_a_fleet_replaces_results_only_if_it_may(
 REFUSED = (
     (["--axis", "nosuch"], "--axis nosuch is not in "),
     (["--workers", "-2"], "--workers"),
+    (["--workers", "0"], "--workers 0 must be at least 1; leave it out for one per core"),
     (["--cutoff", "-5"], "--cutoff -5 Hz must be a positive number"),
     (["--cutoff", "nan"], "--cutoff nan Hz must be a positive number"),
     (["--holdout", "none"], "none does not exist"),
@@ -409,3 +410,11 @@ def test_a_job_of_a_diagnosis_uses_its_whole_request(fleet: Path, tmp_path: Path
     assert "/nosuch" in run_job(DiagnoseJob("a", request)).fault
     fault = run_job(DiagnoseJob("b", DiagnoseRequest([bag], config, str(tmp_path / "out"), cutoff=800.0))).fault
     assert fault.startswith("--cutoff 800 Hz must lie between ") and "500 Hz" in fault
+
+
+@pytest.mark.parametrize("command", ["diagnose", "replay"])
+def test_no_worker_is_refused_before_any_work(tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """0 was taken for one job per core, which no page says."""
+    arguments = [command, "bag", "--config", "axis.yaml", "--out", str(tmp_path / "out"), "--workers", "0"]
+    assert main(arguments) == 1
+    assert capsys.readouterr().err == "--workers 0 must be at least 1; leave it out for one per core\n"
