@@ -89,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
         from sgms_observer.whole_file import write_text
 
         write_text(text + "\n", args.json)
+        print(f"wrote {args.json}")
     else:
         print(text)
     if args.out:

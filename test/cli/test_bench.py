@@ -40,7 +40,8 @@ def test_json_has_the_promised_shape(
     assert [size for size, _ in result["growth"]["n_z"]] == [2, 4, 8, 16, 32]
     assert [size for size, _ in result["growth"]["horizon"]] == [2, 4, 8, 16, 32, 64, 128]
     assert "cores" in result["machine"]
-    pictures = capsys.readouterr().out.split()
+    wrote, *pictures = capsys.readouterr().out.splitlines()
+    assert wrote == f"wrote {file}"
     assert [Path(picture).name for picture in pictures] == ["growth.png", "peers.png"]
     assert all(Path(picture).read_bytes().startswith(b"\x89PNG") for picture in pictures)
 
