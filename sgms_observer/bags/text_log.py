@@ -160,9 +160,9 @@ class TextLog:
                 break
         odd = unreadable_field(head[: _HEADS[0]])
         if odd is None:
-            raise RecordingError(
-                f"{self._path} has no line of numbers among its first {len(head)}; give a text or MAT file"
-            )
+            if not any(line.strip() for line in head):
+                raise RecordingError(f"{self._path} is empty; export the log again")
+            raise RecordingError(f"{self._path} holds no line of numbers; export the log again")
         raise RecordingError(
             f"{self._path} has no table of numbers: in line {odd[0]} the field {odd[1][:_FIELD_SHOWN]!r} is neither"
             " number nor time; write it as 1234.5, 2026-03-01T12:59:58.5 or 12:59:58.5"

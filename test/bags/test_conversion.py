@@ -147,8 +147,10 @@ def test_times_before_one_second_are_moved_and_later_ones_kept(tmp_path: Path) -
         ("t,x\n0,1\n1,2\n2,oops\n", ["time=t", "position=x"], "line 4 cannot be read, .*'oops'"),
         ("t,x\n0,1\n1,2\n2\n", ["time=t", "position=x"], "too few columns in line 4"),
         ("t,x\n0,1\n3e9,2\n", ["time=t", "position=x"], "beyond what a ROS stamp holds"),
-        ("words\nonly\n", ["time=t", "position=x"], "no line of numbers"),
-        ("", ["time=t", "position=x"], "no line of numbers"),
+        ("words\nonly\n", ["time=t", "position=x"], "log.csv holds no line of numbers; export the log again"),
+        ("t,x,u\n", ["time=t", "position=x"], "log.csv holds no line of numbers; export the log again"),
+        ("", ["time=t", "position=x"], "log.csv is empty; export the log again"),
+        (" \n\n", ["time=t", "position=x"], "log.csv is empty; export the log again"),
     ],
 )  # fmt: skip
 def test_one_sentence_for_each_fault(tmp_path: Path, content: str, items: list[str], sentence: str) -> None:
