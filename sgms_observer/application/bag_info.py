@@ -33,6 +33,8 @@ _MAX_RANGE = {PRISMATIC: 20.0, REVOLUTE: 100.0}  # m, rad: a long gantry, sixtee
 _MAX_SPEED = {PRISMATIC: 20.0, REVOLUTE: 2000.0}  # m/s, rad/s: a fast linear motor, a spindle of 19,000 rev/min
 _MAX_MASS = {PRISMATIC: 1.0e5, REVOLUTE: 1.0e5}  # kg, kg m^2
 _MIN_MASS = {PRISMATIC: 1.0e-3, REVOLUTE: 1.0e-7}
+_BALANCE_UNITS = {"mass": "kg", "viscous_coefficient": "N s/m", "coulomb_force": "N"}
+"""Units of the printed values of the balance of forces on a prismatic axis."""
 
 NOTHING = "nothing"
 
@@ -386,7 +388,7 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
 
     low, high = facts.position_range
     step = f"encoder step {text(facts.encoder_step, 'm')}" if facts.encoder_step else "no encoder step found"
-    speed = f", up to {text(facts.peak_speed, 'm/s')}" if math.isfinite(facts.peak_speed) else ""
+    speed = f", peak speed {text(facts.peak_speed, 'm/s')}" if math.isfinite(facts.peak_speed) else ""
     jitter = 1e6 * facts.jitter if facts.jitter >= _STAMP_UNIT else 0.0
     with_effort = f" (with an effort {1.0 / facts.effort_period:.6g} Hz)" if facts.has_slow_effort else ""
     lines = [
@@ -406,6 +408,7 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
         }
         values = ", ".join(
             f"{name} {facts.balance.value(name):.4g} +- {facts.balance.std_error(name):.2g}"
+            + (f" {units.of(_BALANCE_UNITS[name])}" if joint_type else "")
             for name in facts.balance.names[:3]
         )
         gravity = " with gravity A sin q + B cos q" if "gravity_sin" in facts.balance.names else ""

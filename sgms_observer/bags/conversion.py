@@ -153,9 +153,7 @@ def read_table(path: Path, columns: Mapping[str, str], rate: float | None = None
             )
     shift = max(0.0, _FIRST_STAMP - float(time[0]))
     if shift:
-        notices.append(
-            f"the times were moved by {shift:.9g} s: the first stamp is {_FIRST_STAMP:g} s, for 0 means none"
-        )
+        notices.append(f"{shift:.9g} s was added to all times, because ROS reads a stamp of 0 as 'no stamp'")
     steps = np.diff(time)
     period = float(np.median(steps))
     if not 1e-6 <= period <= 0.1:

@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> Outcome:
     keep_freed_memory()
     with Progress("diagnose", 1.0) as progress:
         done = diagnose_bags(request, progress.show)
-    answer, gap, unit = done.answer, done.answer.gap, done.units.effort
+    answer, gap, effort_unit = done.answer, done.answer.gap, done.units.effort
     warn(f"{warning}." for warning in answer.warnings)
     for note in done.notes:
         print(f"note: {note}")
@@ -114,7 +114,8 @@ def run(args: argparse.Namespace) -> Outcome:
         if learnt.formula:
             print(f"    a formula predicts as well: {learnt.formula.text}")
     for changed in answer.changed:
-        print(f"  changed: {changed.name}: {_shown(changed.before)} -> {_shown(changed.after)}")
+        unit = "" if isinstance(changed.after, str) else done.units.of(changed.unit)
+        print(f"  changed: {changed.name}: {_shown(changed.before)} -> {_shown(changed.after)} {unit}".rstrip())
     maps = f", {answer.gap_with_learnt:.3g} with learnt maps" if answer.learnt else ""
     print(
         f"gap on {gap.held_out} data below {gap.band:.4g} Hz, in % of the rms effort: {gap.given:.3g} with the file as"
@@ -125,11 +126,11 @@ def run(args: argparse.Namespace) -> Outcome:
         f"  where every sample counts alike, at rest too: {gap.unweighted_before:.3g} refitted,"
         f" {gap.unweighted_after:.3g} with the effects and changed values{', without learnt maps' if maps else ''}"
     )
-    print(f"observer innovation: {done.checks[0].innovation:.4g} -> {done.checks[1].innovation:.4g} {unit} rms")
+    print(f"observer innovation: {done.checks[0].innovation:.4g} -> {done.checks[1].innovation:.4g} {effort_unit} rms")
     before, after = done.checks
     print(
         f"friction not cancelled by the feedforward: {before.friction_not_cancelled:.4g} ->"
-        f" {after.friction_not_cancelled:.4g} {unit} rms along {after.along}"
+        f" {after.friction_not_cancelled:.4g} {effort_unit} rms along {after.along}"
         f" (while it moves, {100.0 * after.share:.0f} % of the time)"
     )
     print(_tracking(done))

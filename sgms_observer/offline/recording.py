@@ -374,8 +374,12 @@ def recordings_from_samples(
         )
     if skipped := len(edges) - 1 - len(spans):
         lost = len(seconds) - sum(b - a for a, b in spans)
-        notes.append(f"{name}: {skipped} pieces between {by} hold fewer than {MIN_SAMPLES} samples and were skipped"
-                     f" ({lost} samples)")  # fmt: skip
+        one = skipped == 1
+        pieces_are = f"1 piece between {by} holds" if one else f"{skipped} pieces between {by} hold"
+        notes.append(
+            f"{name}: {pieces_are} fewer than {MIN_SAMPLES} samples and {'was' if one else 'were'} skipped"
+            f" ({lost} sample{'' if lost == 1 else 's'})"
+        )
     origin = float(stamp[0]) * 1e-9
     pieces, readings = [], []
     for a, b in spans:

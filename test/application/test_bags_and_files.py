@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,18 @@ def test_info_says_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[s
         found = axis["force_balance"][name]
         assert abs(found["value"] - truth) < 0.05 * truth + 3.0 * found["std_error"], name
     assert main(["info", bag]) == 0
-    assert "usable for: identify, diagnose, replay" in capsys.readouterr().out
+    without_units = capsys.readouterr().out
+    assert "usable for: identify, diagnose, replay" in without_units
+    assert re.search(r", peak speed [\d.]+, \d+ reversals\n", without_units)
+    assert re.search(r" mass [\d.]+ \+- [\d.]+, viscous_coefficient [\d.]+ \+- [\d.]+, coulomb_force", without_units)
+    for joint_type, (mass, damping, effort) in (
+        ("prismatic", ("kg", "N s/m", "N")),
+        ("revolute", ("kg m^2", "N m s/rad", "N m")),
+    ):
+        assert main(["info", bag, "--joint-type", joint_type]) == 0
+        balance = next(line for line in capsys.readouterr().out.splitlines() if "unexplained" in line)
+        assert f" {mass}, viscous_coefficient " in balance and f" {damping}, coulomb_force " in balance
+        assert re.search(rf"coulomb_force [\d.]+ \+- [\d.]+ {effort}; ", balance)
 
 
 def test_info_says_why_a_bag_is_not_usable(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

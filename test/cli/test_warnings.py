@@ -16,6 +16,8 @@ from sgms_observer.application import diagnose as diagnose_job
 from sgms_observer.bags.conversion import Table, write_table
 from sgms_observer.cli import warn as warnings
 from sgms_observer.cli.main import main
+from sgms_observer.diagnosis.changed import Changed
+from sgms_observer.settings.units import Units
 
 COMMANDS = Path(warnings.__file__).parent
 CONFIG = """/**:
@@ -24,6 +26,7 @@ CONFIG = """/**:
     sample_period: 1.0e-3
     x: {mass: 3.0, filter: {window: 8.0e-3}, estimator: {kind: ekf, correction_every: 2}}
 """
+CHANGED = (Changed("friction.element_stiffness (sum)", 1.295e6, 1.555e6, 1e4, 0.5),)
 SWITCHES = ([], ["--quiet"], ["--json"])
 
 
@@ -79,11 +82,10 @@ def test_diagnose_warns_on_stderr(
     )  # fmt: skip
     answer = types.SimpleNamespace(
         gap=gap, warnings=("the recording is short", "stage.controller differs"), verdict="cannot_tell", effects=(),
-        learnt=(), changed=(), gap_with_learnt=1.0, next_experiment=None, usable=True, remainder="none", tests=(),
+        learnt=(), changed=CHANGED, gap_with_learnt=1.0, next_experiment=None, usable=True, remainder="none", tests=(),
     )  # fmt: skip
     check = types.SimpleNamespace(innovation=1.0, friction_not_cancelled=1.0, along="the motion", share=0.5)
-    unit = types.SimpleNamespace(effort="N")
-    done = types.SimpleNamespace(answer=answer, units=unit, notes=("read",), checks=(check, check), tracking=None)
+    done = types.SimpleNamespace(answer=answer, units=Units(), notes=("read",), checks=(check, check), tracking=None)
     monkeypatch.setattr(diagnose_job, "diagnose_bags", lambda request, show: done)
     (tmp_path / "result.json").write_text('{"schema": 2}')
     arguments = ["diagnose", str(folder / "bag"), "--config", str(folder / "axis.yaml"), "--out", str(tmp_path)]
@@ -94,6 +96,7 @@ def test_diagnose_warns_on_stderr(
     if not switch:
         alike = "  where every sample counts alike, at rest too: 7 refitted, 6 with the effects and changed values\n"
         assert alike in printed.out
+        assert "  changed: friction.element_stiffness (sum): 1.295e+06 -> 1.555e+06 N/m\n" in printed.out
 
 
 def test_the_prefix_stands_once(capsys: pytest.CaptureFixture[str]) -> None:

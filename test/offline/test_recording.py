@@ -173,6 +173,7 @@ def test_a_hiccup_leaves_a_short_piece_out_and_goes_on() -> None:
     found = recordings_from_samples(_samples(stamp), "hiccup")
     assert [len(piece) for piece in found] == [COUNT - 150]
     assert "skipped (150 samples)" in found.notes[0]
+    assert " 1 piece between pauses holds fewer than " in found.notes[0] and " and was skipped (" in found.notes[0]
 
 
 @pytest.mark.parametrize("rate", [20.0, 93.5, 20_000.0])
