@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-MAX_NIS = 5.0
-"""Largest mean NIS of a model that fits; at this NIS the standard deviations are 2.2 times too small."""
+MAX_NIS = 2.0
+"""Largest mean NIS of a model that fits a recording [-]; then the standard deviations are 1.4 times too small."""
+MAX_LIVE_NIS = 5.0
+"""Mean NIS above which the live node warns [-]; larger than ``MAX_NIS``, because it is a mean of a short time."""
 
 
 class Status(IntEnum):

@@ -96,6 +96,7 @@ def replay_bag(
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.settings.load import load_settings
     from sgms_observer.settings.node_parameters import refuse_missing
+    from sgms_observer.status import MAX_NIS
 
     refuse_own_recording(out, [bag])
     refuse_existing_bag(out, is_overwriting)
@@ -138,6 +139,11 @@ def replay_bag(
             warnings.append(
                 f"{name}: the observer made no correction, because no window of its filter has a control_effort at"
                 " every position; record both topics at one rate and with the same stamps"
+            )
+        elif (nis := tally.figures()["nis"]) > MAX_NIS:
+            warnings.append(
+                f"{name}: NIS {nis:.3g} is above {MAX_NIS:g}: the model lacks something or a parameter is wrong;"
+                " run sgms diagnose"
             )
     return Replayed(tallies, tuple(warnings), messages, (last - first) * 1e-9, views, settings)
 

@@ -11,7 +11,7 @@ from sgms_observer.nodes.intake import IntakeCounts
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, StepTimes
 from sgms_observer.observer.pairing import PairingCounts
 from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.status import MAX_NIS, Status
+from sgms_observer.status import MAX_LIVE_NIS, Status
 
 HIGH_NIS = "innovations are larger than the model expects; raise measurement_std or identify the model anew"
 NO_SAMPLES = "no samples arrive; check that position and control_effort are published and remapped"
@@ -47,7 +47,7 @@ def axis_entry(
     if statistics.samples == 0:
         level, sentence = ERROR if statistics.total else WARN, NO_SAMPLES
         state = "without samples" if statistics.total else state
-    elif level == OK and statistics.nis > MAX_NIS:
+    elif level == OK and statistics.nis > MAX_LIVE_NIS:
         level, sentence = WARN, HIGH_NIS
     troubles = new.sentences()
     if troubles and (level == OK or sentence == NO_SAMPLES):
@@ -72,7 +72,7 @@ def axis_entry(
 def _axis_sentences(entry: DiagnosticStatus, statistics: AxisStatistics, new: PairingCounts) -> list[str]:
     """Return the sentences about an axis for the log, each once."""
     troubles = [status.sentence for status in sorted(statistics.recent) if _LEVELS.get(status, WARN) != OK]
-    troubles += [HIGH_NIS] if statistics.nis > MAX_NIS else []
+    troubles += [HIGH_NIS] if statistics.nis > MAX_LIVE_NIS else []
     messages = [entry.message] if entry.level != OK else []
     return list(dict.fromkeys([*new.sentences(), *troubles, *messages]))
 

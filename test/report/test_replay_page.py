@@ -56,6 +56,23 @@ def test_the_page_says_whether_the_model_fits(folder: Path) -> None:
     assert "The model of x does not fit the recording" in wrong and "run sgms diagnose" in wrong
 
 
+def test_above_nis_2_console_page_and_json_say_that_the_model_does_not_fit(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A Coulomb force that is 5 % wrong gives NIS 3: below the limit of the live node, above the one of a replay."""
+    (folder / "near.yaml").write_text(_CONFIG.format(coulomb=4.2, static=4.7))
+    assert main(_replay(folder, "bag", "near", "near", "--json")) == 0
+    printed = capsys.readouterr()
+    nis = json.loads(printed.out)["axes"]["x"]["nis"]
+    assert 2.0 < nis < 5.0
+    sentence = f"NIS {nis:.3g} is above 2: the model lacks something or a parameter is wrong; run sgms diagnose"
+    assert f"Warning: x: {sentence}\n" in printed.err
+    page = (folder / "near" / "report.html").read_text()
+    assert "The model of x does not fit the recording" in page and sentence in page
+    assert main(_replay(folder, "bag", "right", "fitting", "--no-report")) == 0
+    assert "NIS" not in capsys.readouterr().err
+
+
 def test_json_names_the_page_and_a_bag_with_its_page_may_be_overwritten(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,10 +29,8 @@ from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
-from sgms_observer.status import Status
+from sgms_observer.status import MAX_NIS, Status
 
-MAX_NIS = 2.0
-"""Largest mean NIS of an observer with consistent standard deviations. Below 1 they are larger than the innovations."""
 MAX_STD_SHARE = 0.5
 """Largest standard deviation of the estimated friction, as a share of the Coulomb force. Two standard deviations reach
 that force then: beyond it not even the sign of the friction is known."""
