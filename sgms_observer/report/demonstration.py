@@ -15,6 +15,9 @@ SCHEMA = 1
 MIN_RECORDED_SHARE = 0.95
 """Share of the samples that have an estimate, below which the figures do not stand for the whole run."""
 
+MAX_CLEAR_PEAK = 0.9
+"""Largest tracking error apart from late compensations over the largest of all, below which the late ones decide it."""
+
 
 @dataclass(frozen=True)
 class Half:
@@ -119,14 +122,19 @@ def missing_warnings(axis: str, share: float) -> list[str]:
     if share >= MIN_RECORDED_SHARE:
         return []
     return [
-        f"Warning: axis {axis}: only {100.0 * share:.0f} % of the samples have an estimate; the figures are about those"
-        " alone. Stop other programs and run the demonstration again."
+        f"Warning: axis {axis}: only {100.0 * share:.0f} % of the samples have an estimate; the friction figures are"
+        " about those alone. Stop other programs and run the demonstration again."
     ]
 
 
 def late_warnings(axis: str, without: Half, with_it: Half, units: Units) -> list[str]:
-    """Return a warning where late compensations decide the largest tracking error; arguments as of ``headline``."""
-    if not with_it.late_share > 0.0 or with_it.clear_peak >= with_it.tracking_peak:
+    """Return a warning where late compensations decide the largest tracking error; arguments as of ``headline``.
+
+    They decide it where the peak without them is below ``MAX_CLEAR_PEAK`` of the peak. Where the two are almost equal,
+    the error would be about as large with every compensation in time, so that another run would not help. Where the
+    peak without them is not known (NaN), they decide it too.
+    """
+    if not with_it.late_share > 0.0 or with_it.clear_peak >= MAX_CLEAR_PEAK * with_it.tracking_peak:
         return []
     peak = units.readable(with_it.tracking_peak, largest=max(without.tracking_peak, with_it.tracking_peak))
     return [

@@ -110,9 +110,10 @@ def tracking_picture(tracking: Tracking, before: tuple[float, float], after: tup
         after: part with compensation [s].
         name: of the picture.
     """
-    seconds = f"{before[1] - before[0]:.2g} s"
-    caption = f"Tracking error without compensation, then with it, on one scale: the last {seconds} of each part."
     parts = [tracking.rows(*window) for window in (before, after)]
+    spans = [f"{_span(tracking.time[part][np.isfinite(tracking.error[part])]):.2g} s" for part in parts]
+    shown = f"{spans[0]} of each part" if spans[0] == spans[1] else f"{spans[0]} without and {spans[1]} with it"
+    caption = f"Tracking error without compensation, then with it, on one scale: the last {shown}."
     factor, unit = largest_prefixed(np.concatenate([tracking.error[part] for part in parts]), tracking.units)
     with sheet(name, caption, rows=2, height=1.9, sharey=True) as drawn:
         for axes, part, word in zip(drawn.axes, parts, ("without", "with"), strict=True):
@@ -120,6 +121,11 @@ def tracking_picture(tracking: Tracking, before: tuple[float, float], after: tup
             axes.set(ylabel=f"error [{unit}]", title=f"tracking error {word} compensation")
         drawn.axes[1].set_xlabel("time [s]")
     return drawn.picture
+
+
+def _span(time: Floats) -> float:
+    """Return the time from the first row to the last one [s]; 0 without rows."""
+    return float(time[-1] - time[0]) if len(time) else 0.0
 
 
 def _motion(run: Run, name: str) -> Picture:

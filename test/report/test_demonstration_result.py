@@ -65,7 +65,8 @@ def test_an_error_that_hardly_changed_is_about_the_same() -> None:
 
 
 @pytest.mark.parametrize("late, clear_peak, is_warned", [
-    (0.01, 1.0e-6, True), (0.01, 4.0e-6, False), (0.0, 1.0e-6, False), (math.nan, 1.0e-6, False), (0.5, math.nan, True),
+    (0.01, 1.0e-6, True), (0.01, 3.5e-6, True), (0.01, 3.7e-6, False), (0.01, 4.0e-6, False),
+    (0.0, 1.0e-6, False), (math.nan, 1.0e-6, False), (0.5, math.nan, True),
 ])  # fmt: skip
 def test_late_compensations_that_make_the_peak_are_a_warning(late: float, clear_peak: float, is_warned: bool) -> None:
     with_it = replace(_half(3.0e-7, 4.0e-6, late), clear_peak=clear_peak)
@@ -80,6 +81,7 @@ def test_a_share_that_is_not_known_is_null() -> None:
 def test_a_run_of_which_much_is_missing_is_a_warning() -> None:
     assert missing_warnings("x", MIN_RECORDED_SHARE) == []
     (warning,) = missing_warnings("x", 0.22)
+    assert "the friction figures are about those alone" in warning
     assert "only 22 % of the samples" in warning and warning.startswith("Warning: axis x")
 
 

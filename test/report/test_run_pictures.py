@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sgms_observer.report.run_pictures import Run, clearest_reversal, run_pictures
+from sgms_observer.report.run_pictures import Run, Tracking, clearest_reversal, run_pictures, tracking_picture
 
 
 def a_run(time: np.ndarray, has_truth: bool = True) -> Run:
@@ -37,3 +37,18 @@ def test_a_reversal_is_where_the_velocity_changes_sign() -> None:
     assert abs(clearest_reversal(a_run(SECONDS)) - 3.85) < 2e-3
     still = a_run(np.arange(100) * 1e-3 * 0.1)
     assert clearest_reversal(still) == still.time[-1]
+
+
+@pytest.mark.parametrize(
+    "before, after, span",
+    [
+        ((1.0, 1.4), (3.6, 4.0), "the last 0.4 s of each part."),
+        ((-0.15, 0.25), (3.6, 4.0), "the last 0.25 s without and 0.4 s with it."),
+        ((1.0, 1.4), (3.9, 4.3), "the last 0.4 s without and 0.099 s with it."),
+    ],
+)
+def test_the_caption_of_the_tracking_error_states_the_span_that_is_drawn(
+    before: tuple[float, float], after: tuple[float, float], span: str
+) -> None:
+    tracking = Tracking(SECONDS, 1e-6 * np.sin(30.0 * SECONDS))
+    assert tracking_picture(tracking, before, after, "a").caption.endswith(span)
