@@ -114,7 +114,7 @@ def replay_bag(
         from sgms_observer.report.replayed import AxisView
 
         expected = (last - first) * 1e-9 / settings.sample_period
-        views = tuple(AxisView(axis, first, expected) for axis in settings.axes)
+        views = tuple(AxisView(axis, expected) for axis in settings.axes)
     with _short_turns(), in_own_thread(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
         from sgms_observer.observer.all_axes import AllAxes
         from sgms_observer.observer.outgoing import Outgoing

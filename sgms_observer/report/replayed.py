@@ -36,15 +36,17 @@ TIME, POSITION, SET_POINT, VELOCITY, FRICTION, STD, COMPENSATION, INNOVATION = r
 class AxisView:
     """What a page shows of one axis, gathered block by block in a memory that does not grow with the recording.
 
+    Time counts from the stamp of the axis's first sample. The recorder's clock would not do: a stamp may be earlier or
+    later than the receive time of its message.
+
     Args:
         axis: its settings.
-        first_ns: begin of the recording [ns].
         expected: samples that the recording holds, about.
     """
 
-    def __init__(self, axis: AxisSettings, first_ns: int, expected: float) -> None:
+    def __init__(self, axis: AxisSettings, expected: float) -> None:
         self.axis = axis
-        self._first_ns = first_ns
+        self._first_ns: int | None = None
         self._share = min(1.0, _MOST_ROWS / max(1.0, expected))
         self._kept: list[Floats] = []
         self._recent: list[Floats] = []
@@ -57,6 +59,8 @@ class AxisView:
         """Take in a block of samples and their estimates."""
         is_starting = estimates.status == Status.STARTING
         friction = np.where(is_starting, math.nan, estimates.friction)
+        if self._first_ns is None:
+            self._first_ns = int(samples.stamp_ns[0])
         time = (samples.stamp_ns - self._first_ns) * 1e-9
         columns = (samples.position, samples.reference_position, estimates.velocity, friction,
                    estimates.friction_std, estimates.compensation, estimates.innovation)  # fmt: skip
@@ -106,7 +110,7 @@ class AxisView:
         return _at(truth, self._stamps(self.rows))
 
     def _stamps(self, rows: Floats) -> Ints:
-        return self._first_ns + np.rint(rows[:, TIME] * 1e9).astype(np.int64)
+        return (self._first_ns or 0) + np.rint(rows[:, TIME] * 1e9).astype(np.int64)
 
     def _keep_recent(self, block: Floats) -> None:
         fastest = float(np.nanmax(np.abs(block[:, VELOCITY]), initial=0.0))

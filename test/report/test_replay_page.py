@@ -11,6 +11,9 @@ import pytest
 from browser import Browser
 from looks import check_report
 
+from sgms_observer.application.replay import replay_bag
+from sgms_observer.bags.source import BagReader
+from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
 from sgms_observer.observer.samples import Samples
 from sgms_observer.report.replayed import AxisView
@@ -101,7 +104,7 @@ def test_recorded_estimates_are_compared_bit_by_bit(folder: Path) -> None:
 def test_what_is_kept_of_a_long_recording_is_bounded_and_has_its_peaks(folder: Path) -> None:
     axis = load_settings(folder / "right.yaml").axes[0]
     count, blocks = 4_000, 200
-    view = AxisView(axis, 0, count * blocks)
+    view = AxisView(axis, count * blocks)
     for number in range(blocks):
         stamps = (np.arange(count) + number * count) * 1_000_000
         wave = np.sin(1e-9 * stamps)
@@ -111,6 +114,23 @@ def test_what_is_kept_of_a_long_recording_is_bounded_and_has_its_peaks(folder: P
     assert len(rows) < 100_000 and view.samples == count * blocks
     assert np.nanmax(rows[:, 1] - rows[:, 2]) == pytest.approx(0.5) == view.tracking_peak
     assert len(view.recent(None).time) < 30_000
+
+
+def test_time_begins_with_the_first_stamp_whenever_its_message_was_received(folder: Path, tmp_path: Path) -> None:
+    """The recorder received the first sample 0.4 s after its stamp."""
+    bag, config = folder / "bag", str(folder / "right.yaml")
+    with BagReader(bag) as reader:
+        messages = list(reader.messages())
+    with BagWriter(tmp_path / "late", "mcap") as written:
+        for topic, stamp_ns, message in messages:
+            written.write(topic, "sensor_msgs/msg/JointState", stamp_ns + 400_000_000, message)
+    done = replay_bag(
+        str(tmp_path / "late"), config, str(tmp_path / "out"), "mcap", {}, lambda _: None, has_report=True
+    )
+    (view,) = done.views
+    time = view.rows[:, 0]
+    assert (time[0], time[-1]) == pytest.approx((0.0, 2.999), abs=1e-9)
+    assert view.recent(None).time[0] >= 0.0
 
 
 class _Estimates:
