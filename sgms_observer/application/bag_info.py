@@ -106,7 +106,8 @@ def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
     if stroke > largest or speed > fastest:
         found.append(
             f"{facts.name}: the position spans {stroke:.4g} {unit} at up to {speed:.4g} per second, more than a stage"
-            " moves; if it is in degrees set position_scale: 0.01745329252, if in millimetres 0.001"
+            " moves; if it is in degrees set position_scale: 0.01745329252, if in millimetres 0.001, if in"
+            " encoder counts the length of one count"
         )
     found += gravity_warnings(facts.name, facts.gravity, joint_type)
     balance = facts.balance

@@ -13,7 +13,7 @@ import yaml
 
 from sgms_observer.application.axis_draft import FRACTIONS, AxisDraft, recorded_draft, template_draft
 from sgms_observer.application.axis_facts import read_axis_facts
-from sgms_observer.application.bag_info import doubts_about, find_input_topics, losses_in
+from sgms_observer.application.bag_info import doubts_about, find_input_topics, losses_in, unit_doubts
 from sgms_observer.bags.source import survey_bag
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.late_stamps import is_significantly_not_held
@@ -268,9 +268,10 @@ def init(
             for name in axes or ["x"]
         ]  # fmt: skip
         found: list[str] = []
+        doubts: list[str] = []
         head = "A positioning axis. Replace every value that you know, then identify the rest from a recording."
     else:
-        drafts, found = _from_bag(bag, axes, topics, options)
+        drafts, found, doubts = _from_bag(bag, axes, topics, options)
         head = f"First values, read from {Path(bag).name} by least squares. Identify them from the same bag next."
     odd = [draft.name for draft in drafts if _AXIS_NAME.fullmatch(draft.name) is None]
     if odd:
@@ -278,7 +279,14 @@ def init(
             [f"the joint {odd[0]} cannot name a group of parameters; record or convert it as letters, digits, _ and -"]
         )
     text = _template_text(drafts, head)
-    settings = settings_from_tree(yaml.load(text, Loader=yaml.SafeLoader), out)
+    try:
+        settings = settings_from_tree(yaml.load(text, Loader=yaml.SafeLoader), out)
+    except ConfigurationError as error:
+        if not doubts:
+            raise
+        raise ConfigurationError(
+            [f"{doubts[0]}, as --position-scale or --effort-scale; no file was written"]
+        ) from error
     if bag is not None:
         drafts = [
             replace(draft, is_held=not _acts_at_stamps(bag, axis, topics))
@@ -307,8 +315,8 @@ def _acts_at_stamps(bag: str, axis: AxisSettings, topics: Mapping[str, str]) -> 
 
 def _from_bag(
     bag: str, axes: Sequence[str] | None, topics: Mapping[str, str], options: InitOptions
-) -> tuple[list[AxisDraft], list[str]]:
-    """Return first values of the axes of a bag, and the warnings."""
+) -> tuple[list[AxisDraft], list[str], list[str]]:
+    """Return first values of the axes of a bag, the warnings, and those among them that doubt a unit."""
     surveys, warnings = survey_bag(bag)
     position, effort = find_input_topics(bag, surveys, topics)
     joints = axes or [joint for joint in position.joints if position.filled[joint][0]]
@@ -318,7 +326,7 @@ def _from_bag(
         raise RecordingError(f"--axis {strange[0]} is not in {position.name} of {bag}; it has {held}")
     if not joints:
         raise RecordingError(f"{position.name} of {bag} holds no position of any joint; record it again")
-    drafts, found = [], list(warnings)
+    drafts, found, doubts = [], list(warnings), list[str]()
     for name in joints:
         axis = AxisSettings(name=name, joint_type=options.joint_type, position_scale=options.position_scale,
                             effort_scale=options.effort_scale)  # fmt: skip
@@ -332,7 +340,8 @@ def _from_bag(
             facts = read_axis_facts(bag, axis, position, topics, effort=effort)
         draft = recorded_draft(facts, axis.joint_type, axis.position_scale, axis.effort_scale)
         notes = [f"{name}: {note}" for note in facts.notes]
+        doubts += unit_doubts(facts, axis.joint_type)
         found += [*doubts_about(facts, axis.joint_type), *losses_in(facts), *notes, *draft.warnings]
         drafts.append(draft)
     shortest = min(draft.period for draft in drafts)
-    return [replace(draft, period=shortest) for draft in drafts], found
+    return [replace(draft, period=shortest) for draft in drafts], found, doubts

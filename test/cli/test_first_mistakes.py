@@ -237,3 +237,18 @@ def test_a_number_that_is_none_gets_a_sentence(
         main(arguments)
     assert ended.value.code == 2
     assert sentence in capsys.readouterr().err
+
+
+def test_init_says_of_positions_in_counts_that_a_scale_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A value that it derives from them is out of range, and there is no file in which to lower it."""
+    time = 1e-3 * np.arange(20_000)
+    stamps, counts = np.rint((1.0 + time) * 1e9).astype(np.int64), np.rint(1e6 * np.sin(3.0 * time))
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write_joint_states("position", stamps, ["x"], position=counts)
+        bag.write_joint_states("control_effort", stamps, ["x"], effort=np.sign(np.cos(3.0 * time)))
+    assert main(["init", str(tmp_path / "bag"), "--out", str(tmp_path / "x.yaml")]) == 1
+    (sentence,) = capsys.readouterr().err.splitlines()
+    assert "if in encoder counts the length of one count, as --position-scale" in sentence
+    assert not (tmp_path / "x.yaml").exists()
