@@ -52,7 +52,7 @@ def axis_result(without: Half, with_it: Half, same: int, compared: int) -> dict[
     Args:
         without: errors of the half without compensation.
         with_it: errors of the half with it.
-        same: live estimates that the replay gave again to the last bit.
+        same: live estimates that the replay reproduces exactly.
         compared: live estimates.
     """
     return {

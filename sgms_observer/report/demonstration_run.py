@@ -159,7 +159,7 @@ def _half(run: Run, tracking: Tracking, way: Lateness, start: float, end: float)
 
 
 def _replayed(bag: Path, settings: Settings, axis: str) -> tuple[int, int]:
-    """Return how many live estimates a replay of the bag gives again to the last bit, and how many there are."""
+    """Return how many live estimates a replay of the bag reproduces exactly, and how many there are."""
     chosen = next(entry for entry in settings.axes if entry.name == axis)
     observer = AxisObserver(chosen, settings.sample_period)
     replayed: dict[int, float] = {}
@@ -184,7 +184,7 @@ def _lines(axis: AxisSettings, without: Half, with_it: Half, same: int, compared
         f"                      {readable(with_it.tracking_rms)} rms, {readable(with_it.tracking_peak)} peak"
         f" with it: rms {change(without.tracking_rms, with_it.tracking_rms)},"
         f" peak {change(without.tracking_peak, with_it.tracking_peak)}",
-        f"  replay of the bag   {same} of {compared} live estimates again to the last bit",
+        f"  replay of the bag   the replay reproduces {same} of {compared} live estimates exactly",
         f"  on the way          {on_the_way(without, with_it, axis.units)}",
     ]
 
@@ -206,7 +206,7 @@ class Evaluated:
         without: errors of the half without compensation.
         with_it: errors of the half with it.
         share: of the samples that have an estimate [-].
-        same: live estimates that the replay gave again to the last bit.
+        same: live estimates that the replay reproduces exactly.
         compared: live estimates.
     """
 
@@ -282,7 +282,7 @@ def _lights(one: Evaluated, of_axis: str) -> Sequence[Light]:
             "Live run",
             f"Does the replay{of_axis} give what the live observer gave?",
             GOOD if one.same == one.compared else BAD,
-            f"{one.same} of {one.compared} live estimates come again to the last bit.",
+            f"The replay reproduces {one.same} of {one.compared} live estimates exactly.",
         ),
     )
 

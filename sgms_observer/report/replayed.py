@@ -132,7 +132,7 @@ class Recorded:
 
     Attributes:
         compared: recorded estimates of the same stamps; 0 without any.
-        same: those that the replay gave again to the last bit.
+        same: those that the replay reproduces exactly.
         difference: rms of replayed minus recorded friction [N].
         late_share: share of the samples whose compensation came late; NaN if the recording does not tell.
         truth: stamps [ns] and true friction of a simulated recording [N]; None without.
@@ -263,7 +263,7 @@ def _lights(
     found.append(Light("Samples", f"Did the observer{of_axis} run on good samples throughout?", state, answer))
     if recorded.compared:
         is_same = recorded.same == recorded.compared
-        answer = f"{recorded.same} of {recorded.compared} recorded estimates come again to the last bit."
+        answer = f"The replay reproduces {recorded.same} of {recorded.compared} recorded estimates exactly."
         if not is_same:
             answer += " The live observer had other parameters, began earlier, or received other samples."
         state = GOOD if is_same else UNSURE

@@ -147,8 +147,8 @@ def _motion(run: Run, name: str) -> Picture:
 
 def _friction(run: Run, name: str) -> Picture:
     caption = (
-        "Friction: truth (where known), estimate with its two-sigma band, and the compensation as it was sent, which"
-        " is for the look-ahead later."
+        "Friction: truth (where known), estimate with its two-sigma band, and the compensation as sent; it acts one"
+        " look-ahead later."
     )
     with sheet(f"{name}friction", caption, rows=2, height=2.5, sharex=True) as drawn:
         top, bottom = drawn.axes
@@ -170,7 +170,7 @@ def hysteresis_picture(run: Run, name: str) -> Picture:
         run: the part to draw.
         name: put in front of the picture's name.
     """
-    caption = "Friction over velocity and over position: the hysteresis a Coulomb model cannot draw."
+    caption = "Friction over velocity and over position: a Coulomb model cannot reproduce this hysteresis."
     factor, unit = largest_prefixed(run.position, run.units)
     speed_factor, speed_unit = largest_prefixed(run.velocity, run.units, "m/s")
     abscissas = (speed_factor * run.velocity, factor * run.position)
@@ -194,7 +194,7 @@ def reversal_picture(run: Run, name: str) -> Picture:
     reversal = clearest_reversal(run)
     zoomed = run.between(reversal - 0.015, reversal + 0.035)
     run = zoomed if len(zoomed.time) else run
-    caption = f"A reversal from near, at {reversal:.3f} s: presliding before the stage slides again."
+    caption = f"One reversal, magnified, at {reversal:.3f} s: presliding until the stage slides again."
     with sheet(f"{name}reversal", caption, height=3.2) as drawn:
         axes = drawn.axes[0]
         _band(axes, run)

@@ -37,6 +37,7 @@ def test_the_page_reads_well_and_is_of_the_same_kind_as_the_others(tmp_path: Pat
     assert len(page.plots) == 2 and len(page.lead) == 2 and page.warnings == ["Warning: late."]
     assert {light.topic for light in page.lights} == {"Friction", "Tracking", "Live run"}
     assert all(light.state == GOOD for light in page.lights)
+    assert "The replay reproduces 20000 of 20000 live estimates exactly." in {light.answer for light in page.lights}
     assert any(light.question.endswith("of y smaller with compensation?") for light in page.lights)
     check_report(browser, write_page(page, tmp_path), 18)
 

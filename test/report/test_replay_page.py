@@ -95,7 +95,7 @@ def test_recorded_estimates_are_compared_bit_by_bit(folder: Path) -> None:
         for file in (both / part).glob("*.mcap"):
             shutil.copy(file, both / "live" / file.name)
     assert main(_replay(folder, "both/live", "right", "again")) == 0
-    assert "3000 of 3000 recorded estimates come again to the last bit" in (folder / "again/report.html").read_text()
+    assert "The replay reproduces 3000 of 3000 recorded estimates exactly" in (folder / "again/report.html").read_text()
     assert main(_replay(folder, "both/live", "wrong", "other")) == 0
     page = (folder / "other/report.html").read_text()
     assert "of 3000 recorded estimates" in page and "other parameters" in page

@@ -26,6 +26,10 @@ def test_a_window_with_or_without_samples(window: tuple[float, float], has_truth
     pictures = run_pictures(a_run(SECONDS, has_truth), window)
     assert len({picture.name for picture in pictures}) == 4
     assert all(picture.png.startswith(b"\x89PNG") for picture in pictures)
+    _motion, friction, hysteresis, reversal = (picture.caption for picture in pictures)
+    assert friction.endswith("the compensation as sent; it acts one look-ahead later.")
+    assert hysteresis.endswith("a Coulomb model cannot reproduce this hysteresis.")
+    assert reversal.startswith("One reversal, magnified, at ")
 
 
 def test_a_gap_in_the_recording_moves_the_window() -> None:
