@@ -23,7 +23,8 @@ Curve = tuple[Floats, Floats]
 SLOWEST = 1.0e-3
 """Slowest velocity of a model's line, as a share of the largest velocity."""
 _RANGES_OF_A_DECADE, _MIN_RANGES, _MAX_RANGES = 7, 4, 28  # of the speed, in each direction
-_FEW_DECADES = 20.0  # ratio of the speeds up to which an axis has ticks between those of the decades
+_FEW_DECADES = 100.0  # ratio of the speeds up to which an axis has ticks between those of the decades
+_MAX_SPEED_TICKS = 3  # of one direction, so that their labels stay apart
 _MIN_ROWS = 5  # rows of a bin that is drawn
 _MAX_DOTS = 20_000  # of a picture
 _MAX_POINTS = 2_000  # of a line over position
@@ -104,14 +105,28 @@ def over_velocity(
 
 def _spread_slow_speeds(axes: Axes, slowest: float, fastest: float) -> None:
     """Give the velocity a logarithmic axis for each direction, from the slowest data on; between these it is linear."""
-    steps = (1.0, 2.0, 5.0) if fastest < _FEW_DECADES * slowest else (1.0,)
-    decades = range(math.floor(math.log10(slowest)), math.ceil(math.log10(fastest)))
-    ticks = [step * 10.0**decade for decade in decades for step in steps]
-    ticks = [tick for tick in ticks if slowest <= tick <= fastest * (1.0 + 1e-9)]
+    ticks = speed_ticks(slowest, fastest)
     axes.set_xscale("symlog", linthresh=slowest, linscale=0.3)
     axes.xaxis.set_major_locator(FixedLocator([*(-tick for tick in ticks[::-1]), 0.0, *ticks]))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}")))
     axes.minorticks_off()
+
+
+def speed_ticks(slowest: float, fastest: float) -> list[float]:
+    """Return the speeds to label, rising; below two decades 2 and 5 are labelled between the powers of ten, too.
+
+    Where those are too many for the width, every second or third is left out. The fastest one stays, so that the
+    outermost data lie near a label.
+
+    Args:
+        slowest: the slowest data, above 0 [the unit of the axis].
+        fastest: the fastest data [the unit of the axis].
+    """
+    steps = (1.0, 2.0, 5.0) if fastest < _FEW_DECADES * slowest else (1.0,)
+    decades = range(math.floor(math.log10(slowest)), math.ceil(math.log10(fastest)) + 1)
+    ticks = [step * 10.0**decade for decade in decades for step in steps]
+    ticks = [tick for tick in ticks if slowest <= tick <= fastest * (1.0 + 1e-9)]
+    return ticks[:: -math.ceil(len(ticks) / _MAX_SPEED_TICKS)][::-1] if ticks else []
 
 
 def hysteresis(name: str, caption: str, position: Floats, measured: Floats, modelled: Floats, units: Units) -> Picture:

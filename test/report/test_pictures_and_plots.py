@@ -27,6 +27,7 @@ from sgms_observer.report.friction_pictures import (
     over_velocity,
     position_bins,
     residual_over_position,
+    speed_ticks,
     stribeck_points,
 )
 from sgms_observer.report.page import COLOURS
@@ -168,6 +169,23 @@ def test_stribeck_points_begin_at_the_slowest_speed_that_slides() -> None:
     assert shown[:5] == ["\u221210", "\u22121", "0", "1", "10"]
     nothing = over_velocity("a", "Friction.", velocity[:3], np.sign(velocity[:3]), [], Units())
     assert "never slides" in nothing.caption and len(stribeck_points(velocity[:3], velocity[:3])[0]) == 0
+
+
+@pytest.mark.parametrize(
+    "slowest, fastest, ticks",
+    [
+        (3.0, 94.0, [10.0, 50.0]),
+        (6.0, 50.0, [10.0, 20.0, 50.0]),
+        (1.0, 99.0, [2.0, 10.0, 50.0]),
+        (10.0, 100.0, [20.0, 100.0]),
+        (0.3, 50.0, [1.0, 10.0]),
+        (2.1, 4.9, []),
+    ],
+)
+def test_a_velocity_axis_of_few_decades_has_a_label_near_its_fastest_data(
+    slowest: float, fastest: float, ticks: list[float]
+) -> None:
+    assert speed_ticks(slowest, fastest) == ticks
 
 
 def test_a_long_plot_keeps_its_peaks_and_holes() -> None:
