@@ -123,7 +123,7 @@ def run(args: argparse.Namespace) -> Outcome:
         f" {gap.floor:.3g} is not predictable"
     )
     print(
-        f"  where every sample counts alike, at rest too: {gap.unweighted_before:.3g} refitted,"
+        f"  with equal weight for all samples, also at rest: {gap.unweighted_before:.3g} refitted,"
         f" {gap.unweighted_after:.3g} with the effects and changed values{', without learnt maps' if maps else ''}"
     )
     print(f"observer innovation: {done.checks[0].innovation:.4g} -> {done.checks[1].innovation:.4g} {effort_unit} rms")

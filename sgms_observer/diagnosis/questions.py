@@ -102,7 +102,8 @@ def _tolerance(answer: Answer, options: Options) -> Light:
     inside = f"The refit before any effect stayed inside {100 * options.tolerance:.3g} %."
     if not names:
         return Light(CONVERGENCE, question, GOOD, inside)
-    ends = f"The refit before any effect stopped at {100 * options.tolerance:.3g} % for {', '.join(names)}."
+    which, limit = (", ".join(names), "limits of their") if len(names) > 1 else (names[0], "limit of its")
+    ends = f"{which} reached the {limit} {100 * options.tolerance:.3g} % tolerance before any effect was added."
     return Light(CONVERGENCE, question, UNSURE, ends)
 
 
@@ -205,10 +206,13 @@ def _rest(answer: Answer, units: Units) -> Light:
     rest, near = _test(answer, "surely predictable share of the residual"), _test(answer, "gap over noise")
     if rest is None or near is None:
         return Light(BELIEVABILITY, question, UNSURE, "It was not tested.")
+    share, limit = f"{100 * max(rest.value, 0.0):.2g} %", f"limit {100 * rest.threshold:.3g} %"
     facts = (
-        f"The best of what was tried surely predicts {100 * max(rest.value, 0.0):.2g} % of the squared residual (limit"
-        f" {100 * rest.threshold:.3g} %). Its rms is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
+        f"The best of the tried regressions predicts {share} of the squared residual ({limit})."
+        if rest.value > 0.0
+        else f"No tried regression predicts a significant part of the squared residual (0 %, {limit})."
     )
+    facts += f" The rms of the residual is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
     if not rest.passed:
         learnt = " A learnt map of it was added." if answer.learnt else " It has no name in the catalogue."
         return Light(BELIEVABILITY, question, UNSURE if answer.learnt else BAD, facts + learnt)

@@ -170,9 +170,9 @@ def _sections(part: IdentifiedAxis, of_axis: str) -> list[Section]:
         pictures.append(_beside_each_other(part, part.traces.held_out, "held_out", "on held-out recordings"))
     sliding = (
         f"Friction: measured {word} minus what mass, offset and effects of the model take of it. Dots: rows where the"
-        " axis has moved so far one way that every element slips, and no reversal is near, at which the low-pass rings."
-        " Points: their mean in each range of velocity, with the standard deviation. Line: the model. Over position:"
-        f" the same friction of all rows, measured and modelled {word} behind the same low-pass."
+        " axis has moved so far one way that every element slips, and no reversal is near, where the low-pass filter"
+        " rings. Points: their mean in each range of velocity, with the standard deviation. Line: the model. Over"
+        f" position: the same friction of all rows, measured and modelled {word} after the same low-pass filter."
     )
     header = ("parameter", "value", "95 % interval", "unit", "interval within 5 %?")
     table = Table(header, [_row(row) for row in part.answer.rows])

@@ -86,7 +86,7 @@ def over_velocity(
     if slowest > 0.0:
         speed = units.readable(slowest, "m/s")
         slowest_row = (
-            f" There is data from {speed} on: no slower row is far enough from a reversal. The velocity axis is"
+            f" The plot starts at {speed}; slower samples are too close to a reversal. The velocity axis is"
             " logarithmic from there on."
         )
     with sheet(name, caption + slowest_row) as drawn:

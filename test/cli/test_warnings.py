@@ -94,7 +94,7 @@ def test_diagnose_warns_on_stderr(
     assert printed.err == "Warning: the recording is short.\nWarning: stage.controller differs.\n"
     assert "Warning" not in printed.out
     if not switch:
-        alike = "  where every sample counts alike, at rest too: 7 refitted, 6 with the effects and changed values\n"
+        alike = "  with equal weight for all samples, also at rest: 7 refitted, 6 with the effects and changed values\n"
         assert alike in printed.out
         assert "  changed: friction.element_stiffness (sum): 1.295e+06 -> 1.555e+06 N/m\n" in printed.out
 

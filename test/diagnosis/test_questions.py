@@ -120,6 +120,10 @@ def test_all_is_well() -> None:
          "no name in the catalogue"),
         ({"tests": with_test("surely predictable", 0.5), "learnt": (SimpleNamespace(),)}, "Is the rest unpredictable?",
          UNSURE, "A learnt map"),
+        ({"tests": with_test("surely predictable", 0.0)}, "Is the rest unpredictable?", GOOD,
+         "No tried regression predicts a significant part of the squared residual (0 %, limit 10 %). The rms of the"),
+        ({"tests": with_test("surely predictable", 0.02)}, "Is the rest unpredictable?", GOOD,
+         "The best of the tried regressions predicts 2 % of the squared residual (limit 10 %)."),
         ({"disturbance": OUTSIDE}, "Is the rest unpredictable?", BAD, "a force of 0.5 N rms (3 times the noise) acts"),
         ({"tests": with_test("gap over noise", 20.0)}, "Is the rest unpredictable?", UNSURE, "20 times the noise"),
         ({"tests": with_test("friction not", 5.0)}, "Does the feedforward leave less friction with the new model?",
@@ -185,7 +189,7 @@ def test_values_that_the_refit_stopped_at_their_tolerance_are_named() -> None:
     fit = SimpleNamespace(model=MODEL, logs=logs, is_converged=True)
     assert at_limit(fit, 0.05) == ["mass"]
     state, says = states(answer(before=fit))["Are the values of the file right within their tolerance?"]
-    assert state == UNSURE and says.endswith("at 5 % for mass.")
+    assert state == UNSURE and says == "mass reached the limit of its 5 % tolerance before any effect was added."
 
 
 @pytest.mark.parametrize(

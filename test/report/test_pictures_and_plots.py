@@ -161,7 +161,7 @@ def test_stribeck_points_begin_at_the_slowest_speed_that_slides() -> None:
     assert len(speeds) == 6 and speeds[0] < 8e-3
     assert np.diff(np.log(speeds)) == pytest.approx(np.log(50.0 / 6.0) / 6, rel=0.1)
     picture = over_velocity("a", "Friction.", velocity, np.sign(velocity), [], Units())
-    assert "There is data from 6.13 mm/s on" in picture.caption
+    assert "The plot starts at 6.13 mm/s; slower samples are too close to a reversal." in picture.caption
     shown = re.findall(r">([^<>]+)</text>", picture.svg)
     assert shown[:7] == ["\u221250", "\u221220", "\u221210", "0", "10", "20", "50"]
     wide = np.concatenate([np.geomspace(3e-4, 0.05, 400), -np.geomspace(3e-4, 0.05, 400)])
