@@ -291,12 +291,13 @@ def _lead(one: Evaluated) -> Picture:
     """Draw the tracking error without and with compensation."""
     end = float(one.run.time[-1])
     windows = ((one.switched - _SHOWN, one.switched), (end - _SHOWN, end))
-    return tracking_picture(one.tracking, *windows, f"{one.axis.name}_tracking")
+    tracking = one.tracking.with_breaks(one.axis.filter.maximum_gap)
+    return tracking_picture(tracking, *windows, f"{one.axis.name}_tracking")
 
 
 def _sections(one: Evaluated, of_axis: str) -> Sequence[Section]:
     """Return the sections of one axis."""
-    run, switched = one.run, one.switched
+    run, switched = one.run.with_breaks(one.axis.filter.maximum_gap), one.switched
     method = (
         "The stage and the observer ran as two processes and spoke over ROS topics only; the observer saw the measured"
         " position, the control effort and the reference, and never the truth."
@@ -334,7 +335,7 @@ def _table(one: Evaluated) -> Table:
 
 def _over_time(one: Evaluated) -> Plot:
     """Return the whole run over time."""
-    run, unit = one.run, one.axis.units.effort
+    run, unit = one.run.with_breaks(one.axis.filter.maximum_gap), one.axis.units.effort
     error = run.position - run.reference
     factor, position = largest_prefixed(run.position, run.units)
     error_factor, error_unit = largest_prefixed(error, run.units)

@@ -54,6 +54,7 @@ _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
 }
 
+MAX_BREAKS = 200  # of a line at missing samples
 _STILL_SHARE, _MIN_STILL_POINTS = 0.1, 300
 """Points of a line in the still picture, of those of the plot; at least one for each point of its width."""
 _MORE_DIGITS = re.compile(r"(?<=\d\.\d\d)\d+")
@@ -227,6 +228,25 @@ def time_plot(name: str, caption: str, time: Floats, panels: Sequence[Panel]) ->
         return DrawnPlot(content, still)
 
     return Plot(name, caption, 1 + len(signals), draw)
+
+
+def with_breaks(time: Floats, signals: Sequence[Floats], maximum_gap: float) -> tuple[Floats, list[Floats]]:
+    """Return time and signals with a row of NaN in each long step of time, so that no line crosses missing samples.
+
+    Only the ``MAX_BREAKS`` longest steps get a row: the size of a page stays bounded.
+
+    Args:
+        time: rising [s], shape (n,).
+        signals: of shape (n,) each.
+        maximum_gap: longest step that a line crosses [s]; at least one and a half usual steps.
+    """
+    steps = np.diff(time)
+    if not steps.size:
+        return time, list(signals)
+    places = np.flatnonzero(steps > max(maximum_gap, 1.5 * float(np.median(steps))))
+    places = np.sort(places[np.argsort(-steps[places], kind="stable")[:MAX_BREAKS]])
+    middle = time[places] + 0.5 * steps[places]
+    return np.insert(time, places + 1, middle), [np.insert(signal, places + 1, np.nan) for signal in signals]
 
 
 def extreme_rows(signals: Sequence[Floats], most: int) -> Ints:

@@ -13,7 +13,7 @@ from sgms_observer.arrays import Floats, Ints
 from sgms_observer.errors import SgmsError
 from sgms_observer.observer.outgoing import ESTIMATE
 from sgms_observer.observer.samples import Estimates, Samples
-from sgms_observer.report.drawing import Line, Panel, extreme_rows, time_plot
+from sgms_observer.report.drawing import MAX_BREAKS, Line, Panel, extreme_rows, time_plot, with_breaks
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Plot, Section, Table
 from sgms_observer.report.recorded import SETTLE, recorded_lateness, signal_of
 from sgms_observer.report.run_pictures import Run, hysteresis_picture, reversal_picture
@@ -47,6 +47,7 @@ class AxisView:
     def __init__(self, axis: AxisSettings, expected: float) -> None:
         self.axis = axis
         self._first_ns: int | None = None
+        self._last, self._breaks = 0.0, 0
         self._share = min(1.0, _MOST_ROWS / max(1.0, expected))
         self._kept: list[Floats] = []
         self._recent: list[Floats] = []
@@ -61,15 +62,26 @@ class AxisView:
         friction = np.where(is_starting, math.nan, estimates.friction)
         if self._first_ns is None:
             self._first_ns = int(samples.stamp_ns[0])
-        time = (samples.stamp_ns - self._first_ns) * 1e-9
+        time = np.asarray((samples.stamp_ns - self._first_ns) * 1e-9, dtype=np.float64)
         columns = (samples.position, samples.reference_position, estimates.velocity, friction,
                    estimates.friction_std, estimates.compensation, estimates.innovation)  # fmt: skip
-        block = np.stack([time, *columns], axis=1)
+        self.samples += len(time)
+        maximum_gap = self.axis.filter.maximum_gap if self._breaks < MAX_BREAKS else math.inf
+        if self._kept and time[0] - self._last > maximum_gap:
+            self._breaks += 1
+            hole = np.full((1, 1 + len(columns)), math.nan)
+            hole[0, TIME] = 0.5 * (self._last + time[0])
+            self._kept.append(hole)
+            self._recent.append(hole)
+        self._last = float(time[-1])
+        count = len(time)
+        time, signals = with_breaks(time, columns, maximum_gap)
+        self._breaks += len(time) - count
+        block = np.stack([time, *signals], axis=1)
         most = max(1, round(self._share * len(time)))
         signals = [block[:, SET_POINT] - block[:, POSITION], *(block[:, k] for k in (FRICTION, INNOVATION))]
         self._kept.append(block[extreme_rows(signals, most)])
         self._keep_recent(block)
-        self.samples += len(time)
         self.lowest = min(self.lowest, float(np.nanmin(block[:, FRICTION], initial=math.inf)))
         self.highest = max(self.highest, float(np.nanmax(block[:, FRICTION], initial=-math.inf)))
         largest = float(np.nanmax(np.abs(block[:, COMPENSATION]), initial=0.0))
@@ -97,7 +109,7 @@ class AxisView:
         """
         rows = np.concatenate(self._recent)
         unknown = np.full(len(rows), math.nan)
-        true = unknown if truth is None else _at(truth, self._stamps(rows))
+        true = unknown if truth is None else self._truth_at(rows, truth)
         return Run(rows[:, TIME], rows[:, POSITION], rows[:, VELOCITY], rows[:, SET_POINT], rows[:, FRICTION],
                    rows[:, STD], true, rows[:, COMPENSATION], self.axis.units)  # fmt: skip
 
@@ -107,7 +119,11 @@ class AxisView:
         Args:
             truth: stamps [ns] and true friction [N].
         """
-        return _at(truth, self._stamps(self.rows))
+        return self._truth_at(self.rows, truth)
+
+    def _truth_at(self, rows: Floats, truth: tuple[Ints, Floats]) -> Floats:
+        """Return the true friction at rows [N]; NaN where it is not known, and where a line breaks."""
+        return np.where(np.isnan(rows[:, POSITION]), math.nan, _at(truth, self._stamps(rows)))
 
     def _stamps(self, rows: Floats) -> Ints:
         return (self._first_ns or 0) + np.rint(rows[:, TIME] * 1e9).astype(np.int64)

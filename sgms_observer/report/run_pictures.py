@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from sgms_observer.arrays import Floats
-from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, extreme_rows, sheet
+from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, extreme_rows, sheet, with_breaks
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
 
@@ -48,6 +48,12 @@ class Run:
         signals = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "units"}
         return Run(**signals, units=self.units)
 
+    def with_breaks(self, maximum_gap: float) -> Run:
+        """Return the run with a row of NaN in each step of time above ``maximum_gap`` [s], to draw it."""
+        names = [name for name in self.__dataclass_fields__ if name not in ("time", "units")]
+        time, signals = with_breaks(self.time, [getattr(self, name) for name in names], maximum_gap)
+        return Run(time, **dict(zip(names, signals, strict=True)), units=self.units)
+
     @property
     def has_truth(self) -> bool:
         """Return whether the true friction is known."""
@@ -68,6 +74,11 @@ class Tracking:
     error: Floats
     units: Units = field(default_factory=Units)
 
+    def with_breaks(self, maximum_gap: float) -> Tracking:
+        """Return the errors with a row of NaN in each step of time above ``maximum_gap`` [s], to draw them."""
+        time, (error,) = with_breaks(self.time, [self.error], maximum_gap)
+        return Tracking(time, error, self.units)
+
     def rows(self, start: float, end: float) -> slice:
         """Return the rows from ``start`` to ``end`` [s]."""
         return slice(*np.searchsorted(self.time, [start, end]))
@@ -82,7 +93,7 @@ def clearest_reversal(run: Run) -> float:
         return float(run.time[-1])
     turn = turns[max(0, turns.size - 2)]
     between = run.velocity[fast[turn] : fast[turn + 1]]
-    return float(run.time[fast[turn] + int(np.argmin(np.abs(between)))])
+    return float(run.time[fast[turn] + int(np.nanargmin(np.abs(between)))])
 
 
 def run_pictures(run: Run, window: tuple[float, float], name: str = "") -> tuple[Picture, ...]:

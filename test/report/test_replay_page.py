@@ -133,6 +133,19 @@ def test_time_begins_with_the_first_stamp_whenever_its_message_was_received(fold
     assert view.recent(None).time[0] >= 0.0
 
 
+def test_lines_of_a_replay_break_at_missing_samples(folder: Path) -> None:
+    view = AxisView(load_settings(folder / "right.yaml").axes[0], 6_000)
+    milliseconds = np.arange(6_000)
+    for part in (milliseconds[:1_500], milliseconds[2_500:3_000], milliseconds[4_000:]):
+        stamps = part * 1_000_000
+        wave = np.sin(1e-9 * stamps)
+        view.add(Samples(stamps, wave, wave, wave, wave), _Estimates(stamps, wave))
+    rows = view.rows
+    assert view.samples == 4_000
+    assert rows[np.isnan(rows[:, 1]), 0] == pytest.approx([1.9995, 3.4995])
+    assert np.count_nonzero(np.isnan(view.recent(None).position)) >= 2
+
+
 class _Estimates:
     """What a view reads of estimates."""
 

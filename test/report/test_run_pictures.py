@@ -56,3 +56,15 @@ def test_the_caption_of_the_tracking_error_states_the_span_that_is_drawn(
 ) -> None:
     tracking = Tracking(SECONDS, 1e-6 * np.sin(30.0 * SECONDS))
     assert tracking_picture(tracking, before, after, "a").caption.endswith(span)
+
+
+def test_no_line_crosses_missing_samples() -> None:
+    holey = a_run(SECONDS[(SECONDS < 1.0) | (SECONDS > 2.0)])
+    drawn = holey.with_breaks(0.02)
+    (row,) = np.flatnonzero(np.isnan(drawn.position))
+    assert 1.0 < drawn.time[row] < 2.0 and np.all(np.diff(drawn.time) > 0.0) and np.isnan(drawn.truth[row])
+    assert len(run_pictures(drawn, (0.8, 2.4))) == 4
+    sparse = a_run(SECONDS[::100])
+    assert len(sparse.with_breaks(0.02).time) == len(sparse.time)
+    error = Tracking(holey.time, holey.friction).with_breaks(0.02).error
+    assert np.count_nonzero(np.isnan(error)) == 1
