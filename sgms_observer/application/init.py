@@ -282,11 +282,11 @@ def init(
     try:
         settings = settings_from_tree(yaml.load(text, Loader=yaml.SafeLoader), out)
     except ConfigurationError as error:
-        if not doubts:
+        axes_at_fault = {sentence.partition(".")[0] for sentence in error.sentences}
+        of_units = [doubt for doubt in doubts if doubt.partition(":")[0] in axes_at_fault and "position_scale" in doubt]
+        if not of_units:
             raise
-        raise ConfigurationError(
-            [f"{doubts[0]}, as --position-scale or --effort-scale; no file was written"]
-        ) from error
+        raise ConfigurationError([f"{of_units[0]}, as --position-scale; no file was written"]) from error
     if bag is not None:
         drafts = [
             replace(draft, is_held=not _acts_at_stamps(bag, axis, topics))

@@ -114,7 +114,6 @@ def replay_bag(
         from sgms_observer.report.replayed import AxisView
 
         expected = (last - first) * 1e-9 / settings.sample_period
-        views = tuple(AxisView(axis, expected) for axis in settings.axes)
     with _short_turns(), in_own_thread(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
         from sgms_observer.observer.all_axes import AllAxes
         from sgms_observer.observer.outgoing import Outgoing
@@ -125,6 +124,9 @@ def replay_bag(
         writer = BagWriter(out, storage, is_overwriting=is_overwriting)
         with writer as written, in_own_thread(observed, _WAITING) as blocks:
             for block, estimates in blocks:
+                if has_report and not views:
+                    begin = min(int(samples_of_axis.stamp_ns[0]) for samples_of_axis in block.values())
+                    views = tuple(AxisView(axis, begin, expected) for axis in settings.axes)
                 for number, estimate in estimates.items():
                     tallies[names[number]].add(estimate)
                     if views:
@@ -142,7 +144,7 @@ def replay_bag(
             )
         elif (nis := tally.figures()["nis"]) > MAX_NIS:
             warnings.append(
-                f"{name}: NIS {nis:.3g} is above {MAX_NIS:g}: the model lacks something or a parameter is wrong;"
+                f"{name}: NIS {nis:.4g} is above {MAX_NIS:g}: the model lacks something or a parameter is wrong;"
                 " run sgms diagnose"
             )
     return Replayed(tallies, tuple(warnings), messages, (last - first) * 1e-9, views, settings)

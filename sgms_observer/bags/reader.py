@@ -105,6 +105,7 @@ class BagSamples:
                 return
         for axis in self._axes:
             if axis not in names:
+                self._bag.close()
                 raise self._unknown_axis(axis, list(names))
 
     def __iter__(self) -> Iterator[tuple[str, Samples]]:

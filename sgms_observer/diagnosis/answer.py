@@ -34,7 +34,7 @@ from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.named import Named, measured_quantisation, named_effects
 from sgms_observer.diagnosis.sliding import fast_sliding_residual, preference_over_logarithmic_friction
 from sgms_observer.effects.catalogue import is_drag
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import Units
 
 UNEXPLAINED = "share of the effort that is unexplained"
@@ -153,9 +153,9 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         trust.append(at_most("model", BEHIND_ENCODER, over_noise, criteria.min_gap_over_floor))
     percent, written = 100.0 / data.effort, diagnosis.written
 
-    def gap_with(some: Sequence[EffectSettings]) -> float:
-        found = written.with_effects(some)
-        return percent * data.rms(data.residuals(found, written.setup))
+    def gap_without(names: Sequence[str]) -> float:
+        setup, found = written.without(names)
+        return percent * data.rms(data.residuals(found, setup))
 
     changed = changed_values(diagnosis, final.fit, options)
     contact_tests = _contact_law_tests(data, final, predictable_share, learnt, changed)
@@ -163,7 +163,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     if failed:
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
     of_direction = direction_tests(data, final)
-    effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
+    effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_without)
     effects += measured_quantisation(diagnosis)
     is_learnt = any(item.is_beyond_contact(diagnosis.is_contact_hidden) for item in learnt)
     beyond_contact = []
@@ -247,9 +247,8 @@ def _contact_law_tests(
     names, criteria = {one.candidate.name for one in named}, data.options.criteria
     of, after = ", ".join(sorted(names)), data.rms(final.after) ** 2
     written = data.diagnosis.written
-    remaining = [one for one in final.fit.effects if one.name not in names]
-    refitted = written.with_effects(remaining)
-    others = data.residuals(refitted, written.setup)
+    setup, refitted = written.without(sorted(names))
+    others = data.residuals(refitted, setup)
     parts = len(data.diagnosis.unnamed_contact_effects) + sum(item.is_of_contact for item in learnt)
     changed_friction = sum(item.is_friction for item in changed)
     closed = max(data.rms(others) ** 2 - after, 1.0e-300)

@@ -124,4 +124,4 @@ def _closed(diagnosis: Diagnosis, fit: Refit) -> float:
         effects, start = (*diagnosis.file_effects, *added), written.before.logs
         with_file_values = evaluation.rms(setup.fit(effects, start, evaluations=WRITTEN_EVALUATIONS).model)
     closable = max(before - evaluation.floor, 1e-300)
-    return float(max(0.0, with_file_values - evaluation.rms(fit.model)) / closable)
+    return float(np.clip((with_file_values - evaluation.rms(fit.model)) / closable, 0.0, 1.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -335,9 +335,15 @@ class WrittenFits:
         """Return the standard error of each free effect parameter, with the scatter between recordings, SI units."""
         return dict(zip(self.estimates.free, self.estimates.std_errors.tolist(), strict=True))
 
-    def with_effects(self, effects: Sequence[EffectSettings]) -> Refit:
-        """Return a fit with other effects that compares with ``after``."""
-        return self.setup.fit(effects, self.after.logs)
+    def without(self, names: Iterable[str]) -> tuple[RefitSetup, Refit]:
+        """Return setup and fit without some effects, which compare with ``after``.
+
+        Effects of the file have the file's values again.
+        """
+        setup, effects = self.setup, self.after.effects
+        for name in names:
+            setup, effects = setup.without(name, effects)
+        return setup, setup.fit(effects, self.after.logs)
 
     def strength_elsewhere(self, name: str, least: float) -> float:
         """Return the strength of an effect over its standard error, in held-out recordings too.

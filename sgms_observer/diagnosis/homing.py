@@ -104,16 +104,20 @@ def shifts_in(diagnosis: Diagnosis) -> tuple[Shift, ...]:
     """Return the sure offsets of held-out recordings.
 
     Args:
-        diagnosis: with the recordings as they are. Its final model counts if it has an effect that is periodic in the
-            position: a model of the search lacks what was added later. Where it has none, a wrong position may have
-            refused that effect, and of the hypotheses with one the best fit in the first round that has one counts.
+        diagnosis: with the recordings as they are. Its final model counts first: a model of the search lacks what was
+            added later. A wrong position may also have refused an effect that is periodic in the position. Of the
+            hypotheses with one that the final model has not, the best fit in the first round that has one counts.
     """
-    evaluation = diagnosis.evaluation
-    rounds = [[decision.candidate.refit for decision in item.decisions] for item in diagnosis.rounds]
-    for fits in ([diagnosis.written.after], *rounds):
-        rippled = [fit for fit in fits if pitch_of(fit.model.effects) is not None]
-        if rippled and evaluation.has_held_out:
-            return position_shifts(min(rippled, key=lambda fit: fit.cost).model, evaluation)
+    evaluation, final = diagnosis.evaluation, diagnosis.written.after
+    found = position_shifts(final.model, evaluation)
+    if found:
+        return found
+    has = {item.name for item in final.effects} - diagnosis.written.setup.held_effects
+    for item in diagnosis.rounds:
+        candidates = [one.candidate for one in item.decisions if one.candidate.name not in has]
+        refused = [one.refit for one in candidates if one.settings and pitch_of([one.settings]) is not None]
+        if refused:
+            return position_shifts(min(refused, key=lambda fit: fit.cost).model, evaluation)
     return ()
 
 

@@ -62,7 +62,7 @@ def named_effects(
     accepted: Sequence[Round],
     fit: Refit,
     gap: Gap,
-    gap_with: Callable[[Sequence[EffectSettings]], float],
+    gap_without: Callable[[Sequence[str]], float],
 ) -> list[Named]:
     """Return the accepted effects in the order in which they reduce the gap most, each beside those before it.
 
@@ -73,7 +73,7 @@ def named_effects(
         accepted: rounds that named an effect.
         fit: model with all of them.
         gap: gap before and after.
-        gap_with: function that returns the gap on the same recordings with some of the effects [%].
+        gap_without: function that returns the gap on the same recordings without some of the effects [%].
     """
     rounds = {item.accepted.candidate.name: item for item in accepted if item.accepted}
     left, listed, last = list(rounds), list[Named](), gap.before
@@ -81,10 +81,7 @@ def named_effects(
         gaps = {left[0]: gap.after}
         if len(left) > 1:
             others = [[one for one in left if one != name] for name in left]
-            gaps = {
-                name: gap_with(tuple(one for one in fit.effects if one.name not in later))
-                for name, later in zip(left, others, strict=True)
-            }
+            gaps = {name: gap_without(later) for name, later in zip(left, others, strict=True)}
         name = min(gaps, key=lambda one: gaps[one])
         listed.append(_as_named(diagnosis, fit, rounds, name, last, gaps[name]))
         last = gaps[name]

@@ -10,6 +10,7 @@ from sgms_observer.diagnosis.answer import ADDED_BY_REFIT, BEHIND_ENCODER, OVER_
 from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.final_model import DIFFERS_BY_DIRECTION
+from sgms_observer.diagnosis.named import Named
 from sgms_observer.diagnosis.questions import questions_of
 from sgms_observer.diagnosis.report_pictures import (
     effect_over_position,
@@ -121,10 +122,12 @@ def sentence(answer: Answer, units: Units) -> str:
     """Return the verdict in one sentence."""
     gap = answer.gap
     shrink = f"the gap on {gap.held_out} data falls from {gap.before:.3g} % to {gap.after:.3g} % of the rms effort"
-    names = _listed([item.settings.name.replace("_", " ") for item in answer.effects])
     match answer.verdict:
         case "effect_found":
-            return f"{_found_in_words(answer)}, {shrink}.{_remainder_in_words(answer)}"
+            with_it = "it" if len(answer.effects) == 1 else "them"
+            if any(_is_of_file(item, answer) for item in answer.effects):
+                with_it = "the new values"
+            return f"{_found_in_words(answer)}: with {with_it}, {shrink}.{_remainder_in_words(answer)}"
         case "ambiguous":
             pairs = " and ".join(
                 f"{item.settings.name} from {' or '.join(item.alternatives)}".replace("_", " ")
@@ -132,7 +135,7 @@ def sentence(answer: Answer, units: Units) -> str:
                 if item.alternatives
             )
             return (
-                f"The model misses something like {names}, but these recordings cannot tell {pairs}; {shrink}."
+                f"{_found_in_words(answer, ' something like')}, but these recordings cannot tell {pairs}; {shrink}."
                 f"{_remainder_in_words(answer)}"
             )
         case "unknown_effect":
@@ -162,20 +165,26 @@ def sentence(answer: Answer, units: Units) -> str:
             )
 
 
-def _found_in_words(answer: Answer) -> str:
-    """Return what was found as the beginning of a sentence: missing effects, and effects of the file that are wrong."""
-    listed = {item.name for item in answer.diagnosis.file_effects}
+def _is_of_file(item: Named, answer: Answer) -> bool:
+    """Return whether the file lists a named effect, so that its value is wrong and nothing is missing."""
+    return item.settings.name in {one.name for one in answer.diagnosis.file_effects}
+
+
+def _found_in_words(answer: Answer, like: str = "") -> str:
+    """Return what was found as the beginning of a sentence: missing effects, and effects of the file that are wrong.
+
+    Args:
+        answer: the answer.
+        like: what is put in front of the missing effects.
+    """
     wrong, missing = (
-        [item.settings.name.replace("_", " ") for item in answer.effects if (item.settings.name in listed) == is_listed]
-        for is_listed in (True, False)
+        [item.settings.name.replace("_", " ") for item in answer.effects if _is_of_file(item, answer) == is_of_file]
+        for is_of_file in (True, False)
     )
-    parts = [f"the model misses {_listed(missing)}"] if missing else []
+    parts = [f"the model misses{like} {_listed(missing)}"] if missing else []
     parts += [f"the {_listed(wrong)} of the file {'is' if len(wrong) == 1 else 'are'} wrong"] if wrong else []
-    with_it = "it" if len(missing) == 1 else "them"
-    if wrong:
-        with_it = "the new values"
     text = " and ".join(parts)
-    return f"{text[0].upper()}{text[1:]}: with {with_it}"
+    return f"{text[0].upper()}{text[1:]}"
 
 
 def _beyond_noise_in_words(answer: Answer) -> str:

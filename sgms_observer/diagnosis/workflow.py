@@ -172,11 +172,11 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
         state, rounds, written = without_insignificant_effects(file.state, file.state, (), nominal, options)
     else:
         state, rounds, written = _search_and_prune(file.state, nominal, file.known_effects, options, report)
-        if file.state.setup.freedom.has_narrow_elements and _may_need_wide_elements(state, rounds, options):
+        if file.state.setup.freedom.has_narrow_elements and may_need_wide_elements(state, rounds, options):
             wide = replace(file, state=file.state.with_freedom(Freedom()))
             again, added, with_added = _search_and_prune(wide.state, nominal, wide.known_effects, options, report)
             has_effect = any(one.settings is not None for one in accepted_candidates(added))
-            if has_effect and (not _names_of(rounds) or _is_preferred(again, state, options)):
+            if has_effect and (not _names_of(rounds) or is_preferred(again, state, options)):
                 file, state, rounds, written = wide, again, added, with_added
     warnings = list(audited.warnings)
     if file.axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
@@ -194,7 +194,7 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
     return diagnose_from(replace(start, state=shifted, shifts=shifts), options, report)
 
 
-def _may_need_wide_elements(state: FitState, rounds: Sequence[Round], options: Options) -> bool:
+def may_need_wide_elements(state: FitState, rounds: Sequence[Round], options: Options) -> bool:
     """Return whether a search with narrow elements ended early.
 
     Which elements predict better was decided with everything in the residual that the file misses. Either nothing was
@@ -213,11 +213,12 @@ def _may_need_wide_elements(state: FitState, rounds: Sequence[Round], options: O
     return not added and any(one.tests[0].passed for one in effects)
 
 
-def _is_preferred(state: FitState, other: FitState, options: Options) -> bool:
+def is_preferred(state: FitState, other: FitState, options: Options) -> bool:
     """Return whether the result of one search is preferred to that of another one.
 
     It is if it predicts significantly better, or if it leaves only noise, which is no more than the other one leaves,
-    and the other one does not predict significantly better. Both are compared in the noise of what it leaves.
+    and the other one does not predict significantly better. Both are compared in the noise of what it leaves, each with
+    the lags of the effort that it was fitted with.
 
     Args:
         state: state after the one search, which has effects.
@@ -225,14 +226,27 @@ def _is_preferred(state: FitState, other: FitState, options: Options) -> bool:
         options: options of the diagnosis.
     """
     evaluation, most = state.evaluation(options), options.criteria.min_z_score
-    ours, theirs = (
-        evidence_of(finish_fit(replace(one.setup, data=state.setup.data), one.current), evaluation).all
-        for one in (state, other)
+    ours, theirs = (_in_noise_of(evaluation, one) for one in (state, other))
+    before, after = (
+        evidence_of(finish_fit(replace(one.setup, data=where.fit_data), one.current), where).all
+        for one, where in ((other, theirs), (state, ours))
     )
-    least = min(evaluation.floor, evaluation.rms(other.current.model))
+    least = min(evaluation.floor, theirs.rms(other.current.model))
     if replace(evaluation, floor=least).is_gap_closed(state.current.model):
-        return improvement(ours, theirs).z_score <= most
-    return improvement(theirs, ours).z_score > most
+        return improvement(after, before).z_score <= most
+    return improvement(before, after).z_score > most
+
+
+def _in_noise_of(evaluation: EvaluationData, state: FitState) -> EvaluationData:
+    """Return the recordings of a state, with its lags of the effort, in the noise and with the weights of others."""
+    return replace(
+        evaluation,
+        fit_motions=state.fit_motions,
+        motions=state.held_out_motions or state.fit_motions,
+        fit_data=replace(evaluation.fit_data, motions=state.fit_motions),
+        held_out_data=replace(evaluation.held_out_data, motions=state.held_out_motions),
+        predictions={},
+    )
 
 
 def _search_and_prune(
@@ -379,7 +393,7 @@ def _best_search(
     best = select_hypothesis(_passed_effects(item.decisions), before.state.evaluation(options), listed)
     again = _with_best(before, before.state, item, best, listed, options)
     second = _search(again, listed, options, report, has_effects_first=True)
-    counts = _is_preferred(second.state, first.state, options)
+    counts = is_preferred(second.state, first.state, options)
     return (second.state, second.rounds) if counts else (first.state, first.rounds)
 
 

@@ -169,7 +169,7 @@ def run_jobs(jobs: Sequence[Job], workers: int, scheduler: str | None, show: Sho
         DataError: the scheduler cannot be reached, or it lost jobs.
     """
     if workers < 0:
-        raise ConfigurationError([f"--workers {workers} must not be negative; leave it out for one per core"])
+        raise ConfigurationError([f"--workers {workers} must be at least 1; leave it out for one per core"])
     if scheduler is not None:
         if workers:
             raise ConfigurationError(

@@ -36,17 +36,16 @@ TIME, POSITION, SET_POINT, VELOCITY, FRICTION, STD, COMPENSATION, INNOVATION = r
 class AxisView:
     """What a page shows of one axis, gathered block by block in a memory that does not grow with the recording.
 
-    Time counts from the stamp of the axis's first sample. The recorder's clock would not do: a stamp may be earlier or
-    later than the receive time of its message.
+    The recorder's clock is no time to count from: a stamp may be earlier or later than the receive time of its message.
 
     Args:
         axis: its settings.
+        first_ns: stamp from which the time of all axes counts [ns].
         expected: samples that the recording holds, about.
     """
 
-    def __init__(self, axis: AxisSettings, expected: float) -> None:
-        self.axis = axis
-        self._first_ns: int | None = None
+    def __init__(self, axis: AxisSettings, first_ns: int, expected: float) -> None:
+        self.axis, self._first_ns = axis, first_ns
         self._last, self._breaks = 0.0, 0
         self._share = min(1.0, _MOST_ROWS / max(1.0, expected))
         self._kept: list[Floats] = []
@@ -60,8 +59,6 @@ class AxisView:
         """Take in a block of samples and their estimates."""
         is_starting = estimates.status == Status.STARTING
         friction = np.where(is_starting, math.nan, estimates.friction)
-        if self._first_ns is None:
-            self._first_ns = int(samples.stamp_ns[0])
         time = np.asarray((samples.stamp_ns - self._first_ns) * 1e-9, dtype=np.float64)
         columns = (samples.position, samples.reference_position, estimates.velocity, friction,
                    estimates.friction_std, estimates.compensation, estimates.innovation)  # fmt: skip

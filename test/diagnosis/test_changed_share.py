@@ -33,7 +33,7 @@ class Setup:
 
 @pytest.mark.parametrize(
     ("effects", "unnamed", "share"),
-    [((MOVED, SPRING), (), 2.0 / 8.0), ((MOVED,), (), 9.0 / 8.0), ((MOVED, SPRING), ("spring",), 9.0 / 8.0)],
+    [((MOVED, SPRING), (), 2.0 / 8.0), ((MOVED,), (), 1.0), ((MOVED, SPRING), ("spring",), 1.0)],
 )
 def test_changed_values_are_compared_with_those_of_the_file_beside_the_same_effects(
     effects: tuple[EffectSettings, ...], unnamed: tuple[str, ...], share: float

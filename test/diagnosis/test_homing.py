@@ -1,6 +1,8 @@
 """Recordings of an axis that was not homed: the ripple goes with the machine, the position does not."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from workflow_case import AXIS, evaluation_of, record
@@ -9,7 +11,7 @@ from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import answer_of
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.homing import OFFSETS_PER_PITCH, pitch_of, position_offset, position_shifts
+from sgms_observer.diagnosis.homing import OFFSETS_PER_PITCH, pitch_of, position_offset, position_shifts, shifts_in
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.settings.axis import EffectSettings
@@ -75,6 +77,21 @@ def test_a_ripple_has_its_name_where_the_held_out_recording_counts_from_elsewher
     assert judged.reference_position is not None
     assert judged.position == pytest.approx(homed.position, abs=0.005 * PITCH)
     assert judged.reference_position == pytest.approx(homed.position, abs=0.005 * PITCH)
+
+
+@pytest.mark.parametrize("is_in_final", [False, True])
+def test_a_ripple_that_its_wrong_place_refused_tells_the_shift(is_in_final: bool) -> None:
+    """Another ripple of the final model does not hide it; a ripple of the final model itself counts before it."""
+    fine = EffectSettings("encoder_interpolation_error", (1e-8, 2.0e-5, 0.0))
+    names = {item.name: SimpleNamespace(name=item.name, settings=item, refit=None) for item in (COGGING, fine)}
+    names["cogging"].refit = SimpleNamespace(model=RIPPLED, cost=1.0)
+    effects = (COGGING, fine) if is_in_final else (fine,)
+    after = SimpleNamespace(model=Model.of(AXIS).with_effects(effects), effects=effects)
+    written = SimpleNamespace(after=after, setup=SimpleNamespace(held_effects=frozenset[str]()))
+    rounds = [SimpleNamespace(decisions=[SimpleNamespace(candidate=names["cogging"])])]
+    for lacks, count in ((LACKS, 1), (0.0, 0)):
+        diagnosis: Any = SimpleNamespace(evaluation=evaluation(lacks), written=written, rounds=rounds)
+        assert len(shifts_in(diagnosis)) == count
 
 
 def test_the_longest_pitch_counts() -> None:

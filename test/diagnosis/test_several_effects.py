@@ -19,7 +19,7 @@ from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Roun
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.motion import EffortLag, motion_of
 from sgms_observer.diagnosis.result import by_name
 from sgms_observer.diagnosis.sliding import sliding_shares
 from sgms_observer.effects.catalogue import effect
@@ -304,3 +304,36 @@ def test_an_effect_that_the_file_lists_is_a_rival_too(search: Search, z_score: f
     _, rounds = compared(z_score, state, search.rounds, [], OPTIONS)
     assert [item.name for item in accepted_candidates(rounds)] == [first, "spring"]
     assert rounds[0].comparisons.keys() == {"offset", "asymmetric_coulomb"} - {first}
+
+
+def test_the_result_of_another_search_is_preferred_only_where_it_predicts_no_worse(search: Search) -> None:
+    without = search.found.file_state
+    assert workflow.is_preferred(search.state, without, OPTIONS)
+    assert not workflow.is_preferred(without, search.state, OPTIONS)
+
+
+def test_results_are_compared_each_with_the_lags_that_it_was_fitted_with(search: Search) -> None:
+    """A search that keeps a lag of the effort does not lend it to the other one, nor borrow the other one's."""
+    right, options = search.state, OPTIONS
+    late = tuple(EffortLag((lag.values[0] + 3.0,)) for lag in right.lags)
+    held = right.recordings.held_out([EffortLag((lag.values[0] + 3.0,)) for lag in right.lags])
+    wrong = replace(right, fit_motions=right.recordings.motions(late), held_out_motions=held)
+    wrong = wrong.refitted(wrong.current)
+    assert wrong.evaluation(options).rms(wrong.current.model) > 1.5 * right.evaluation(options).rms(right.current.model)
+    assert workflow.is_preferred(right, wrong, options)
+    assert not workflow.is_preferred(wrong, right, options)
+
+
+def test_wide_elements_are_tried_where_a_changed_contact_leaves_more_than_noise(
+    search: Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of_offset = search.rounds[0].accepted
+    assert of_offset is not None
+    change = replace(of_offset, candidate=replace(of_offset.candidate, name="changed contact law"))
+    changed = (replace(search.rounds[0], accepted=change),)
+    refused = (replace(search.rounds[0], accepted=None),)
+    for is_closed in (True, False):
+        monkeypatch.setattr(EvaluationData, "is_gap_closed", lambda *_, closed=is_closed: closed)
+        assert workflow.may_need_wide_elements(search.state, changed, OPTIONS) != is_closed
+        assert workflow.may_need_wide_elements(search.state, refused, OPTIONS)
+        assert not workflow.may_need_wide_elements(search.state, search.rounds, OPTIONS)

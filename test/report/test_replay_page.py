@@ -104,7 +104,7 @@ def test_recorded_estimates_are_compared_bit_by_bit(folder: Path) -> None:
 def test_what_is_kept_of_a_long_recording_is_bounded_and_has_its_peaks(folder: Path) -> None:
     axis = load_settings(folder / "right.yaml").axes[0]
     count, blocks = 4_000, 200
-    view = AxisView(axis, count * blocks)
+    view = AxisView(axis, 0, count * blocks)
     for number in range(blocks):
         stamps = (np.arange(count) + number * count) * 1_000_000
         wave = np.sin(1e-9 * stamps)
@@ -134,7 +134,7 @@ def test_time_begins_with_the_first_stamp_whenever_its_message_was_received(fold
 
 
 def test_lines_of_a_replay_break_at_missing_samples(folder: Path) -> None:
-    view = AxisView(load_settings(folder / "right.yaml").axes[0], 6_000)
+    view = AxisView(load_settings(folder / "right.yaml").axes[0], 0, 6_000)
     milliseconds = np.arange(6_000)
     for part in (milliseconds[:1_500], milliseconds[2_500:3_000], milliseconds[4_000:]):
         stamps = part * 1_000_000

@@ -157,8 +157,8 @@ def identify(session: Session) -> Found:
 def _without_new_offset(session: Session, found: AxisSettings) -> str:
     """Return the file to diagnose: the identified one, without an offset that the user's own file does not list.
 
-    While the axis slides, an offset imitates every force that depends on the direction. The diagnosis names the force
-    and its alternatives; an offset in its file would hide them.
+    While the axis slides, an offset imitates every force that depends on the direction, and among equals an effect of
+    the file comes first. The user's file says nothing of an offset, so none comes first.
     """
     file_effects = {item.name for item in session.axis.effects}
     names = [item.name for item in found.effects if item.name != OFFSET or item.name in file_effects]
