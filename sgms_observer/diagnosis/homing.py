@@ -50,7 +50,7 @@ def with_position_offset(motion: Motion, offset: float) -> Motion:
 
 
 def position_offset(model: Model, motion: Motion, seconds: float | None = None) -> float:
-    """Return the position offset within one pitch for which the residual is smallest [m].
+    """Return the position offset within half a pitch for which the residual is smallest [m].
 
     Args:
         model: friction and effects, one of them periodic in the position.
@@ -64,7 +64,7 @@ def position_offset(model: Model, motion: Motion, seconds: float | None = None) 
     if pitch is None:
         raise ValueError("no effect of the model is periodic in the position; the position offset is not identifiable")
     count = None if seconds is None else round(seconds / motion.residual_period)
-    offsets = np.linspace(0.0, pitch, OFFSETS_PER_PITCH, endpoint=False)
+    offsets = np.linspace(-0.5 * pitch, 0.5 * pitch, OFFSETS_PER_PITCH, endpoint=False)
     return float(offsets[int(np.argmin([_squared_residual(model, motion, offset, count) for offset in offsets]))])
 
 
@@ -81,7 +81,7 @@ class Shift:
     Attributes:
         place: index of the recording among the held-out ones.
         name: of the recording.
-        offset: added to its positions, it fits what was learnt from the others best, at most half a pitch [m].
+        offset: added to its positions, it fits what was learnt from the others best of those within half a pitch [m].
         pitch: the offset is known within multiples of this length [m].
     """
 
@@ -142,7 +142,7 @@ def position_shifts(model: Model, evaluation: EvaluationData) -> tuple[Shift, ..
         after = weights * shifted.low_pass(predict(model, shifted).residual)
         gain = improvement(*(in_blocks([part], [motion], criteria.block) for part in (here, after)))
         if gain.z_score > criteria.z_score_of(OFFSETS_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable:
-            found.append(Shift(place, motion.name, offset - pitch * round(offset / pitch), pitch))
+            found.append(Shift(place, motion.name, offset, pitch))
     return tuple(found)
 
 
