@@ -268,10 +268,10 @@ def init(
             for name in axes or ["x"]
         ]  # fmt: skip
         found: list[str] = []
-        doubts: list[str] = []
+        odd_units: list[str] = []
         head = "A positioning axis. Replace every value that you know, then identify the rest from a recording."
     else:
-        drafts, found, doubts = _from_bag(bag, axes, topics, options)
+        drafts, found, odd_units = _from_bag(bag, axes, topics, options)
         head = f"First values, read from {Path(bag).name} by least squares. Identify them from the same bag next."
     odd = [draft.name for draft in drafts if _AXIS_NAME.fullmatch(draft.name) is None]
     if odd:
@@ -283,7 +283,7 @@ def init(
         settings = settings_from_tree(yaml.load(text, Loader=yaml.SafeLoader), out)
     except ConfigurationError as error:
         axes_at_fault = {sentence.partition(".")[0] for sentence in error.sentences}
-        of_units = [doubt for doubt in doubts if doubt.partition(":")[0] in axes_at_fault and "position_scale" in doubt]
+        of_units = [one for one in odd_units if one.partition(":")[0] in axes_at_fault and "position_scale" in one]
         if not of_units:
             raise
         raise ConfigurationError([f"{of_units[0]}, as --position-scale; no file was written"]) from error
@@ -316,7 +316,7 @@ def _acts_at_stamps(bag: str, axis: AxisSettings, topics: Mapping[str, str]) -> 
 def _from_bag(
     bag: str, axes: Sequence[str] | None, topics: Mapping[str, str], options: InitOptions
 ) -> tuple[list[AxisDraft], list[str], list[str]]:
-    """Return first values of the axes of a bag, the warnings, and those among them that doubt a unit."""
+    """Return first values of the axes of a bag, the warnings, and those among them that sentence a unit."""
     surveys, warnings = survey_bag(bag)
     position, effort = find_input_topics(bag, surveys, topics)
     joints = axes or [joint for joint in position.joints if position.filled[joint][0]]
@@ -326,7 +326,7 @@ def _from_bag(
         raise RecordingError(f"--axis {strange[0]} is not in {position.name} of {bag}; it has {held}")
     if not joints:
         raise RecordingError(f"{position.name} of {bag} holds no position of any joint; record it again")
-    drafts, found, doubts = [], list(warnings), list[str]()
+    drafts, found, odd_units = [], list(warnings), list[str]()
     for name in joints:
         axis = AxisSettings(name=name, joint_type=options.joint_type, position_scale=options.position_scale,
                             effort_scale=options.effort_scale)  # fmt: skip
@@ -340,8 +340,8 @@ def _from_bag(
             facts = read_axis_facts(bag, axis, position, topics, effort=effort)
         draft = recorded_draft(facts, axis.joint_type, axis.position_scale, axis.effort_scale)
         notes = [f"{name}: {note}" for note in facts.notes]
-        doubts += unit_doubts(facts, axis.joint_type)
+        odd_units += unit_doubts(facts, axis.joint_type)
         found += [*doubts_about(facts, axis.joint_type), *losses_in(facts), *notes, *draft.warnings]
         drafts.append(draft)
     shortest = min(draft.period for draft in drafts)
-    return [replace(draft, period=shortest) for draft in drafts], found, doubts
+    return [replace(draft, period=shortest) for draft in drafts], found, odd_units
