@@ -68,7 +68,7 @@ def test_above_nis_2_console_page_and_json_say_that_the_model_does_not_fit(
     printed = capsys.readouterr()
     nis = json.loads(printed.out)["axes"]["x"]["nis"]
     assert 2.0 < nis < 5.0
-    sentence = f"NIS {nis:.3g} is above 2: the model lacks something or a parameter is wrong; run sgms diagnose"
+    sentence = f"NIS {nis:.4g} is above 2: the model lacks something or a parameter is wrong; run sgms diagnose"
     assert f"Warning: x: {sentence}\n" in printed.err
     page = (folder / "near" / "report.html").read_text()
     assert "The model of x does not fit the recording" in page and sentence in page
