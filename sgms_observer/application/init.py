@@ -316,7 +316,7 @@ def _acts_at_stamps(bag: str, axis: AxisSettings, topics: Mapping[str, str]) -> 
 def _from_bag(
     bag: str, axes: Sequence[str] | None, topics: Mapping[str, str], options: InitOptions
 ) -> tuple[list[AxisDraft], list[str], list[str]]:
-    """Return first values of the axes of a bag, the warnings, and those among them that sentence a unit."""
+    """Return first values of the axes of a bag, the warnings, and the ones about units."""
     surveys, warnings = survey_bag(bag)
     position, effort = find_input_topics(bag, surveys, topics)
     joints = axes or [joint for joint in position.joints if position.filled[joint][0]]

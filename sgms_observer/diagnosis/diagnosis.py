@@ -340,9 +340,7 @@ class WrittenFits:
 
         Effects of the file have the file's values again.
         """
-        setup, effects = self.setup, self.after.effects
-        for name in names:
-            setup, effects = setup.without(name, effects)
+        setup, effects = self.setup.without_all(names, self.after.effects)
         return setup, setup.fit(effects, self.after.logs)
 
     def strength_elsewhere(self, name: str, least: float) -> float:

@@ -291,9 +291,7 @@ def constant_force_tests(data: GapData, final: FinalModel, learnt: Sequence[Fitt
 
 def _model_without(data: GapData, fit: Refit, names: Sequence[str]) -> Model:
     """Return the model of a fit without some effects; the other values stay."""
-    setup, left = data.diagnosis.written.setup, fit.model.effects
-    for name in names:
-        setup, left = setup.without(name, left)
+    _, left = data.diagnosis.written.setup.without_all(names, fit.model.effects)
     return replace(fit.model, effects=left)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -495,6 +495,15 @@ class RefitSetup:
             return self, tuple(item for item in effects if item.name != name)
         setup = replace(self, held_effects=self.held_effects | {name})
         return setup, tuple(given[name] if item.name == name else item for item in effects)
+
+    def without_all(
+        self, names: Iterable[str], effects: Sequence[EffectSettings]
+    ) -> tuple[RefitSetup, tuple[EffectSettings, ...]]:
+        """Return setup and effects without several effects, see ``without``."""
+        setup, left = self, tuple(effects)
+        for name in names:
+            setup, left = setup.without(name, left)
+        return setup, left
 
     def null_values(self, name: str) -> tuple[float, ...]:
         """Return the values of an effect that are no finding.

@@ -90,7 +90,9 @@ def present(bag: Path, settings: Settings, switched_ns: int, answered_ns: int, o
         warnings += late_warnings(axis.name, without, with_it, axis.units)
         verdicts.append(headline(axis.name, without, with_it, axis.units))
         results[axis.name] = axis_result(without, with_it, same, compared)
-        evaluated.append(Evaluated(axis, run, tracking, switched, without, with_it, share, same, compared))
+        gap = axis.filter.maximum_gap
+        shown = run.with_breaks(gap), tracking.with_breaks(gap)
+        evaluated.append(Evaluated(axis, *shown, switched, without, with_it, share, same, compared))
     page = demonstration_page(evaluated, ". ".join(verdict[0].upper() + verdict[1:] for verdict in verdicts) + ".",
                               warnings, bag.name)  # fmt: skip
     result = result_of(results)
@@ -128,7 +130,7 @@ def _tracking_of(bag: Path, axis: AxisSettings, start_ns: int) -> tuple[Tracking
 
 
 def _on_stamps(wanted: Ints, stamps: Ints, fields: dict[str, Floats]) -> dict[str, Floats]:
-    """Return the fields of a topic at the wanted stamps, NaN where it has no message [ns]."""
+    """Return the fields of a topic at the wanted stamps [ns], NaN where it has no message."""
     place = np.minimum(np.searchsorted(stamps, wanted), max(0, len(stamps) - 1))
     is_there = stamps[place] == wanted
     return {name: np.where(is_there, values[place], np.nan) for name, values in fields.items()}
@@ -184,7 +186,7 @@ def _lines(axis: AxisSettings, without: Half, with_it: Half, same: int, compared
         f"                      {readable(with_it.tracking_rms)} rms, {readable(with_it.tracking_peak)} peak"
         f" with it: rms {change(without.tracking_rms, with_it.tracking_rms)},"
         f" peak {change(without.tracking_peak, with_it.tracking_peak)}",
-        f"  replay of the bag   the replay reproduces {same} of {compared} live estimates exactly",
+        f"  replay of the bag   reproduces {same} of {compared} live estimates exactly",
         f"  on the way          {on_the_way(without, with_it, axis.units)}",
     ]
 
@@ -200,8 +202,8 @@ class Evaluated:
 
     Attributes:
         axis: its settings.
-        run: its signals on the stamps of the estimates.
-        tracking: its tracking error on all samples of the stage.
+        run: its signals on the stamps of the estimates, to draw: with a row of NaN where samples are missing.
+        tracking: its tracking error on all samples of the stage, likewise.
         switched: when the half without compensation ends [s].
         without: errors of the half without compensation.
         with_it: errors of the half with it.
@@ -291,13 +293,12 @@ def _lead(one: Evaluated) -> Picture:
     """Draw the tracking error without and with compensation."""
     end = float(one.run.time[-1])
     windows = ((one.switched - _SHOWN, one.switched), (end - _SHOWN, end))
-    tracking = one.tracking.with_breaks(one.axis.filter.maximum_gap)
-    return tracking_picture(tracking, *windows, f"{one.axis.name}_tracking")
+    return tracking_picture(one.tracking, *windows, f"{one.axis.name}_tracking")
 
 
 def _sections(one: Evaluated, of_axis: str) -> Sequence[Section]:
     """Return the sections of one axis."""
-    run, switched = one.run.with_breaks(one.axis.filter.maximum_gap), one.switched
+    run, switched = one.run, one.switched
     method = (
         "The stage and the observer ran as two processes and spoke over ROS topics only; the observer saw the measured"
         " position, the control effort and the reference, and never the truth."
@@ -335,7 +336,7 @@ def _table(one: Evaluated) -> Table:
 
 def _over_time(one: Evaluated) -> Plot:
     """Return the whole run over time."""
-    run, unit = one.run.with_breaks(one.axis.filter.maximum_gap), one.axis.units.effort
+    run, unit = one.run, one.axis.units.effort
     error = run.position - run.reference
     factor, position = largest_prefixed(run.position, run.units)
     error_factor, error_unit = largest_prefixed(error, run.units)

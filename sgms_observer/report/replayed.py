@@ -123,7 +123,7 @@ class AxisView:
         return np.where(np.isnan(rows[:, POSITION]), math.nan, _at(truth, self._stamps(rows)))
 
     def _stamps(self, rows: Floats) -> Ints:
-        return (self._first_ns or 0) + np.rint(rows[:, TIME] * 1e9).astype(np.int64)
+        return self._first_ns + np.rint(rows[:, TIME] * 1e9).astype(np.int64)
 
     def _keep_recent(self, block: Floats) -> None:
         fastest = float(np.nanmax(np.abs(block[:, VELOCITY]), initial=0.0))
