@@ -1,51 +1,17 @@
-"""The smallest detectable size of each effect, and the next experiment."""
+"""The next experiment."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
-from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
-from sgms_observer.diagnosis.gap import residuals, weighted_rms
+from sgms_observer.diagnosis.diagnosis import Diagnosis
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.named import Named
 from sgms_observer.effects.catalogue import effect
-from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import Units
-
-PEAK_OVER_RMS = 2.5
-"""Peak over rms of a force that acts only in short intervals."""
 
 _NO_PLACE = ("time", "time, along the motion")
 """Coordinates that no motion can stay at."""
-
-
-def detectable(diagnosis: Diagnosis, axis: AxisSettings, options: Options) -> dict[str, float]:
-    """Return the smallest size of each effect that these recordings would show.
-
-    Sizes are peaks (2.5 times rms) as a share of the Coulomb force; for ``mass_error`` and ``actuator_gain`` a share of
-    mass and gain. The part of an effect that the nominal parameters absorb is not detectable.
-
-    Args:
-        diagnosis: the diagnosis.
-        axis: the given settings.
-        options: options of the diagnosis.
-    """
-    sizes = {"mass_error": options.tolerance, "actuator_gain": options.tolerance}
-    if not diagnosis.rounds:
-        return sizes
-    state = diagnosis.final_state
-    count = len(state.current.residual)
-    rest = residuals(state.current.model, state.fit_motions)
-    left = weighted_rms(rest, state.setup.data.weights) / axis.friction.coulomb_force
-    for name, screening in diagnosis.rounds[0].screenings.items():
-        if name in sizes or screening.trials == 0:
-            continue
-        needed = options.criteria.z_score_of(screening.trials) ** 2
-        sizes[name] = float(
-            min(9.99, PEAK_OVER_RMS * left * math.sqrt(needed / count) / max(screening.independent_share, 1e-3))
-        )
-    return dict(sorted(sizes.items()))
 
 
 def next_experiment(

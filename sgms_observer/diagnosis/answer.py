@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from sgms_observer.arrays import Floats
-from sgms_observer.diagnosis.advice import detectable, next_experiment
+from sgms_observer.diagnosis.advice import next_experiment
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import Decision
+from sgms_observer.diagnosis.detectable import detectable
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.disturbance import SlidingResidual, sliding_residual
 from sgms_observer.diagnosis.evidence import improvement
@@ -193,7 +194,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         located=tuple(significant),
         all_located=tuple(everywhere),
         located_after=tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
-        detectable=detectable(diagnosis, axis, options),
+        detectable=detectable(diagnosis, options),
         next_experiment=next_experiment(
             verdict, effects, significant, diagnosis, axis.units, whole.passed, disturbance is not None
         ),

@@ -68,29 +68,35 @@ class EvaluationData:
         """Return the rms weighted residual of a model on ``motions`` [N]."""
         return weighted_rms(residuals(model, self.motions), self.weights)
 
+    @property
+    def closable(self) -> float:
+        """Return the closable squared gap, summed over the weighted samples [N^2].
+
+        It is the squared gap of the current model minus the squared floor. If the gap is not above the floor, the whole
+        gap counts, because the noise may contain an effect.
+        """
+        return self._closable(0.0 if self.is_noise(self.gap) else self.floor)
+
     def closed_share(self, gain: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
 
-        The closable part is the squared gap of the current model minus the squared floor. If the gap is not above the
-        floor, the whole gap counts, because the noise may contain the effect.
-
         Args:
             gain: improvement of the weighted squared residual on ``motions`` [N^2].
         """
-        return self._closed_share(gain, 0.0 if self.is_noise(self.gap) else self.floor)
+        return gain.decrease / self.closable if self.closable > 0.0 else 0.0
+
+    @property
+    def closable_above_floor(self) -> float:
+        """Return the squared gap above the squared floor, summed over the weighted samples [N^2]."""
+        return self._closable(self.floor)
 
     def closed_share_above_floor(self, gain: Improvement) -> float:
-        """Return the share of the squared gap above the squared floor that an improvement closes.
+        """Return the share of the squared gap above the squared floor that an improvement closes; argument as above."""
+        return gain.decrease / self.closable_above_floor if self.closable_above_floor > 0.0 else 0.0
 
-        Args:
-            gain: improvement of the weighted squared residual on ``motions`` [N^2].
-        """
-        return self._closed_share(gain, self.floor)
-
-    def _closed_share(self, gain: Improvement, floor: float) -> float:
-        """Return the share of the squared gap above a squared floor that an improvement closes."""
-        closable = (self.gap**2 - floor**2) * sum(float(np.sum(part**2)) for part in self.weights)
-        return gain.decrease / closable if closable > 0.0 else 0.0
+    def _closable(self, floor: float) -> float:
+        """Return the squared gap above a squared floor, summed over the weighted samples [N^2]."""
+        return (self.gap**2 - floor**2) * sum(float(np.sum(part**2)) for part in self.weights)
 
     def is_gap_closed(self, model: Model) -> bool:
         """Return whether the residual of a model on ``motions`` is not above the floor."""

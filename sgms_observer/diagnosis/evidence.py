@@ -119,13 +119,24 @@ def left_out_residuals(found: Refit, data: WhitenedData, length: float) -> list[
     return [part[:, -1] + part[:, :-1] @ step for part, step in zip(parts, moved, strict=True)]
 
 
-def fit_residuals(found: Refit, data: WhitenedData, length: float) -> list[Floats]:
-    """Return the whitened residual of each block of the fitted recordings; arguments as above."""
+def whitened_blocks(whitened: Floats, data: WhitenedData, length: float) -> list[Floats]:
+    """Return a whitened series of all recordings, cut into blocks of time.
+
+    Args:
+        whitened: shape (n,), as of ``WhitenedData.whitened``.
+        data: the recordings.
+        length: of a block [s].
+    """
     parts: list[Floats] = []
-    for motion, series in zip(data.motions, as_time_series(found.residual[:, None], data), strict=True):
+    for motion, series in zip(data.motions, as_time_series(whitened[:, None], data), strict=True):
         duration = len(motion.time) * motion.period
         parts += [part[:, 0] for part in blocks_of(series, duration / len(series), length)]
     return parts
+
+
+def fit_residuals(found: Refit, data: WhitenedData, length: float) -> list[Floats]:
+    """Return the whitened residual of each block of the fitted recordings; arguments as of ``left_out_residuals``."""
+    return whitened_blocks(found.residual, data, length)
 
 
 def held_out_residuals(model: Model, held: WhitenedData, length: float) -> list[Floats]:
@@ -136,11 +147,4 @@ def held_out_residuals(model: Model, held: WhitenedData, length: float) -> list[
         held: held-out recordings with the noise for whitening.
         length: of a block [s].
     """
-    if not held.motions:
-        return []
-    whitened = held.residual(model)[:, None]
-    parts: list[Floats] = []
-    for motion, series in zip(held.motions, as_time_series(whitened, held), strict=True):
-        duration = len(motion.time) * motion.period
-        parts += [part[:, 0] for part in blocks_of(series, duration / len(series), length)]
-    return parts
+    return whitened_blocks(held.residual(model), held, length) if held.motions else []

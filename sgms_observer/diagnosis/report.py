@@ -311,7 +311,10 @@ def _where(answer: Answer, units: Units) -> Section:
 
 def _not_shown(answer: Answer) -> Section:
     """Return the folded section on the smallest detectable effects."""
-    text = "Smaller effects than these would have passed for noise, or for nominal parameters that are slightly off."
+    text = (
+        "Effects with a smaller peak than these would not have been seen: they pass for noise, for another contact law,"
+        " or for values of the file that are slightly off."
+    )
     return Section("What these recordings could not show", [text], [detectable_table(answer)], is_folded=True)
 
 
