@@ -72,7 +72,7 @@ def identification_answer(result: Identification, axis: AxisSettings, sample_per
         changes["friction.static_force"] = changes["friction.coulomb_force"]
     if result.model == "gms":
         changes["friction.attraction_rate"] = _rounded(scalars[RATE] * coulomb)
-    _with_effects(axis, _effect_values(result), changes)
+    _with_effects(axis, _effect_values(result, axis), changes)
     if result.is_opposed:
         changes["effort_scale"] = -axis.effort_scale
     if DELAY not in result.frozen:
@@ -84,9 +84,9 @@ def identification_answer(result: Identification, axis: AxisSettings, sample_per
     )  # fmt: skip
 
 
-def _effect_values(result: Identification) -> dict[str, dict[str, float]]:
+def _effect_values(result: Identification, axis: AxisSettings) -> dict[str, dict[str, float]]:
     """Return the values of the offset and of the fitted effects; of an added effect all of them."""
-    values: dict[str, dict[str, float]] = {_OFFSET_EFFECT: {"force": float(result.parameters.scalars[OFFSET])}}
+    values = _offset(float(result.parameters.scalars[OFFSET]), float(result.confidence.half_width[OFFSET]), axis)
     vector = result.parameters.effects
     for number, name in enumerate(result.terms.names):
         owner, parameter = name.split(".")
@@ -95,6 +95,18 @@ def _effect_values(result: Identification) -> dict[str, dict[str, float]]:
         if number in vector.free or owner in result.terms.added:
             values.setdefault(owner, {})[parameter] = float(vector.values[number])
     return values
+
+
+def _offset(force: float, half_width: float, axis: AxisSettings) -> dict[str, dict[str, float]]:
+    """Return the value of the offset; none that the file does not list and whose interval contains zero.
+
+    Args:
+        force: its value [N].
+        half_width: of its 95 % interval [N].
+        axis: start settings.
+    """
+    is_listed = any(item.name == _OFFSET_EFFECT for item in axis.effects)
+    return {_OFFSET_EFFECT: {"force": force}} if is_listed or abs(force) > half_width else {}
 
 
 def _look_ahead(delay: float, sample_period: float) -> float:
@@ -171,7 +183,7 @@ def _least_squares_rows(
         (name, fit.value(column), float(error[column]), axis.units.of(unit))
         for (name, unit), column in zip(_SYMMETRIC_ROWS, SYMMETRIC, strict=True)
     ]
-    effects = {_OFFSET_EFFECT: {"force": fit.value(SYMMETRIC[-1])}}
+    effects = _offset(fit.value(SYMMETRIC[-1]), float(error[SYMMETRIC[-1]]), axis)
     if GRAVITY[0] in fit.names:
         sine, cosine = (fit.value(name) for name in GRAVITY)
         width = math.hypot(*(error[name] for name in GRAVITY))

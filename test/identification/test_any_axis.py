@@ -12,8 +12,9 @@ import pytest
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
 from sgms_observer.errors import DataError
-from sgms_observer.identification.answer import identification_answer
+from sgms_observer.identification.answer import identification_answer, least_squares_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
+from sgms_observer.identification.least_squares import fit_inverse_model
 from sgms_observer.identification.problem import DELAY, MASS, RHO, V_S, VISCOUS
 from sgms_observer.identification.trace import traces_of, unexplained_share
 from sgms_observer.offline.recording import Recording
@@ -26,13 +27,13 @@ INERTIA, VISCOUS_FRICTION, COULOMB, AMPLITUDE, ANGLE, OFFSET = 14.0, 20.0, 13.0,
 QUICK = IdentifyOptions(count=1)
 
 
-def _turning(amplitude: float = AMPLITUDE, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+def _turning(amplitude: float = AMPLITUDE, seed: int = 1, offset: float = OFFSET) -> tuple[np.ndarray, np.ndarray]:
     """Return angle [rad] and torque [N m] of a joint under gravity."""
     angle = -0.3 + 0.9 * np.sin(0.9 * TIME) + 0.25 * np.sin(2.3 * TIME) + 0.1 * np.sin(5.1 * TIME)
     velocity = np.gradient(angle, PERIOD)
     torque = INERTIA * np.gradient(velocity, PERIOD) + VISCOUS_FRICTION * velocity
     torque += COULOMB * np.tanh(velocity / 1e-3)
-    torque += amplitude * np.sin(angle + ANGLE) + OFFSET
+    torque += amplitude * np.sin(angle + ANGLE) + offset
     return angle, torque + np.random.default_rng(seed).normal(0.0, 1.0, len(TIME))
 
 
@@ -70,6 +71,20 @@ def test_a_joint_without_gravity_gets_none() -> None:
     axis = _axis()
     result = identify([Recording("joint", PERIOD, angle, torque)], axis, QUICK)
     assert "effects.gravity.amplitude" not in identification_answer(result, axis, PERIOD).changes
+
+
+@pytest.mark.parametrize("model", ["gms", "least_squares"])
+@pytest.mark.parametrize(("offset", "listed"), [(OFFSET, []), (0.0, []), (0.0, ["offset"])])
+def test_an_offset_is_written_where_it_is_significant_or_listed(model: str, offset: float, listed: list[str]) -> None:
+    axis = _axis(effects={"names": listed})
+    learn = Recording("joint", PERIOD, *_turning(offset=offset))
+    if model == "least_squares":
+        changes = least_squares_answer(
+            fit_inverse_model([learn], cutoff=40.0, is_revolute=True), axis, is_opposed=False
+        ).changes
+    else:
+        changes = identification_answer(identify([learn], axis, QUICK), axis, PERIOD).changes
+    assert ("effects.offset.force" in changes) == bool(offset or listed)
 
 
 def test_effects_of_the_file_are_fitted_with_intervals_shapes_included() -> None:
