@@ -57,6 +57,7 @@ class AxisFacts:
         effort_range: smallest and largest effort [N or N m]; NaN where there is none.
         effort_rms: [N or N m].
         missing_efforts: share of the samples without an effort [-].
+        missing_positions: messages of the axis whose position is no number.
         effort_fault: reason why efforts do not belong to positions; empty without one.
         has_reference: set-points are recorded.
         pieces: pieces between pauses that are long enough for a fit.
@@ -88,6 +89,7 @@ class AxisFacts:
     effort_range: tuple[float, float]
     effort_rms: float
     missing_efforts: float
+    missing_positions: int
     effort_fault: str
     has_reference: bool
     pieces: int
@@ -210,6 +212,7 @@ def read_axis_facts(
         effort_range=_range(driven),
         effort_rms=_rms(driven),
         missing_efforts=1.0 - driven.size / max(len(given), 1),
+        missing_positions=len(stamps) - survey.filled[axis.name][0],
         effort_fault=_reason_against_pairing(axis.name, stamps, period, effort),
         has_reference=bool(np.any(np.isfinite(samples.reference_position))),
         pieces=len(recordings),

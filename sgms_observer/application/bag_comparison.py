@@ -54,7 +54,7 @@ def compare(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[s
     faults: list[str] = []
     with BagReader(bag) as reader:
         inputs = find_inputs(reader, topics)
-        for key in ("position", "control_effort"):
+        for key in dict.fromkeys(("position", "control_effort", *topics)):
             if inputs[key] is None:
                 faults.append(str(missing_topic(reader, topics.get(key, key), key)))
     if inputs["position"] is None:

@@ -137,10 +137,15 @@ def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
 def losses_in(facts: AxisFacts) -> tuple[str, ...]:
     """Return a sentence for each kind of missing or unusable samples."""
     found = []
+    if facts.missing_positions:
+        found.append(
+            f"{facts.name}: {facts.missing_positions} messages have no number as the position and are left out; check"
+            " the encoder and its driver"
+        )
     if 0.0 < facts.missing_efforts < 1.0:
         found.append(
-            f"{facts.name}: {100.0 * facts.missing_efforts:.3g} % of the samples have no effort with the same stamp;"
-            " record control_effort at the rate of position"
+            f"{facts.name}: {100.0 * facts.missing_efforts:.3g} % of the samples have no effort: no message with the"
+            " same stamp, or no number in it; record control_effort at the rate of position"
         )
     if facts.cut_off:
         found.append(f"{facts.name}: {facts.cut_off}")

@@ -133,11 +133,12 @@ class BagSamples:
             self._check_axes()
 
     def _resolve(self, names: dict[str, str], needs_effort: bool) -> dict[str, str | None]:
-        """Return the bag's topic for each input."""
+        """Return the bag's topic for each input; one that is needed or that the user named must be there."""
         bag = self._bag
         found = find_inputs(bag, names)
-        for name in INPUTS[:2] if needs_effort else INPUTS[:1]:
-            if found[name] is None:
+        for name in INPUTS:
+            is_needed = name in names or name in (INPUTS[:2] if needs_effort else INPUTS[:1])
+            if is_needed and found[name] is None:
                 raise missing_topic(bag, names.get(name, name), name)
         return found
 

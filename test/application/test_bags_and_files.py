@@ -395,16 +395,41 @@ def test_init_of_a_bag_without_a_position_names_no_axis(tmp_path: Path, capsys: 
 
 
 @pytest.mark.parametrize("key", ["position", "control_effort", "reference"])
-@pytest.mark.parametrize("command", ["info", "init"])
+@pytest.mark.parametrize("command", ["info", "init", "replay", "identify", "diagnose"])
 def test_a_named_topic_that_is_not_there_is_refused(
     tmp_path: Path, command: str, key: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """``info`` ended with 0: a warning for the position, and for the effort "no sample has an effort"."""
-    bag = str(tmp_path / "bag")
+    bag, config = str(tmp_path / "bag"), tmp_path / "axis.yaml"
     stamps = 10**9 + 1_000_000 * np.arange(50)
     write_table(Table(stamps, np.arange(50.0), np.zeros(50), None, None, ()), bag, "x")
-    out = ["--out", str(tmp_path / "start.yaml")] if command == "init" else []
+    config.write_text("/**: {ros__parameters: {sample_period: 0.001, axes: [x], x: {mass: 1.0}}}\n")
+    out = {"info": [], "init": ["--out", str(tmp_path / "start.yaml")]}.get(
+        command, ["--config", str(config), "--out", str(tmp_path / "out.yaml")]
+    )
     assert main([command, bag, "--topic", f"{key}=/nothere", *out]) == 1
     printed = capsys.readouterr()
     assert printed.err.startswith(f"{bag} has no topic /nothere; it holds /control_effort, /position; ")
     assert printed.err.count("\n") == 1 and not printed.out
+
+
+def test_check_lists_a_named_topic_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag, config = str(tmp_path / "bag"), tmp_path / "axis.yaml"
+    write_table(Table(10**9 + 1_000_000 * np.arange(50), np.arange(50.0), np.zeros(50), None, None, ()), bag, "x")
+    config.write_text("/**: {ros__parameters: {sample_period: 0.001, axes: [x], x: {mass: 1.0}}}\n")
+    assert main(["check", str(config), bag, "--topic", "reference=/nothere"]) == 1
+    assert capsys.readouterr().err.count(f"{bag} has no topic /nothere; it holds /control_effort, /position; ") == 1
+
+
+def test_positions_and_efforts_that_are_no_numbers_are_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ten missing positions were "0 gaps", and efforts of NaN had "no effort with the same stamp"."""
+    bag = str(tmp_path / "bag")
+    position, effort = np.sin(0.05 * np.arange(2000.0)), np.cos(0.05 * np.arange(2000.0))
+    position[500:510], effort[900:1000] = np.nan, np.inf
+    write_table(Table(10**9 + 1_000_000 * np.arange(2000), position, effort, None, None, ()), bag, "x")
+    main(["info", bag])
+    printed = capsys.readouterr().err
+    assert "x: 10 messages have no number as the position and are left out" in printed
+    assert "x: 5.03 % of the samples have no effort: no message with the same stamp, or no number in it" in printed
