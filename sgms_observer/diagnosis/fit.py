@@ -43,13 +43,12 @@ FREED_ELEMENTS = np.log(3.0)
 DERIVATIVE_STEP = 1.0e-4
 """Step of numerical derivatives, in units of the parameters."""
 REFERENCE_PARAMETERS = {
-    "nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,),
-    PERIODIC_DISTURBANCE: (PHASE,),
+    "nonlinear_viscous": (2,), "thermal_drift": (3,), "gravity": (2,), PERIODIC_DISTURBANCE: (PHASE,),
 }  # fmt: skip
 """Parameters that are a reference value or follow from joint or recording. They are never fitted: (effect, indices)."""
 FITTED_BY_LOGARITHM = (
     "attraction_rate", "distance", "memory_distance", "gap", "stop", "time_constant", "dwell_time", "width", "velocity",
-    "peak_velocity",
+    "peak_velocity", "rest_velocity",
 )  # fmt: skip
 """Parameters that are fitted by their logarithm where they cannot be zero."""
 COST_TOLERANCE = 1.0e-4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from sgms_observer.arrays import Floats
@@ -47,7 +48,8 @@ def other_load(data: GapData, fit: Refit) -> OtherLoad | None:
     """Return the held-out recording whose gap a load of its own closes most, or None where none surely has another.
 
     Mass and strengths of effects of the model are fitted to each recording alone; the friction stays within the
-    tolerance. A load counts where the whole 90 % interval of its mass lies beyond the tolerance.
+    tolerance. A load counts where its mass surely differs by more than the tolerance from that of the fitted
+    recordings, which have an error too. What the strengths close with the mass of these is not due to a load.
 
     Args:
         data: recordings of the gap.
@@ -75,17 +77,23 @@ def _load_of(data: GapData, fit: Refit, motion: Motion, weights: Floats) -> Othe
         (i, j) for i, item in enumerate(effects) for j, one in enumerate(effect(item.name).parameters)
         if not one.is_strength
     ]  # fmt: skip
+    fixed = [*fixed_parameters(effects), *shapes]
     setup = replace(of_fit, held_effects=frozenset(), data=data_with_own_noise((motion,), fit.model))
-    alone = setup.fit(effects, fit.logs, [*fixed_parameters(effects), *shapes])
+    alone = setup.fit(effects, fit.logs, fixed)
     place = [item.name for item in effects].index(MASS_ERROR)
+    learnt = replace(setup, data=diagnosis.file_state.setup.data).fit(effects, fit.logs, fixed, evaluations=1)
+    errors = [one.standard_errors().get((place, 0), 0.0) for one in (alone, learnt)]
     mass, fitted_mass = _moving_mass(alone.model), _moving_mass(fit.model)
-    error = alone.standard_errors().get((place, 0), 0.0)
-    if abs(mass - fitted_mass) <= data.options.tolerance * fitted_mass + criteria.interval_z_score * error:
+    if abs(mass - fitted_mass) <= data.options.tolerance * fitted_mass + criteria.interval_z_score * math.hypot(
+        *errors
+    ):
         return None
-    before, after = (
-        WeightedResidual((motion,), residuals(model, (motion,)), (weights,)).rms for model in (fit.model, alone.model)
+    same_load = setup.fit(effects, fit.logs, [*fixed, (place, 0)])
+    before, left, after = (
+        WeightedResidual((motion,), residuals(model, (motion,)), (weights,)).rms
+        for model in (fit.model, same_load.model, alone.model)
     )
-    share = 1.0 - (after / before) ** 2 if before > 0.0 else 0.0
+    share = (left**2 - after**2) / before**2 if before > 0.0 else 0.0
     title = "share of the squared gap that another load of the recording closes"
     return OtherLoad(motion.name, fitted_mass, mass, at_most("model", title, share, criteria.min_imitable_share))
 

@@ -73,6 +73,8 @@ def plausible_range(name: str, parameter: str, motions: Sequence[Motion], nomina
         # another Coulomb or viscous force
         least = 2.5 * nominal.friction.stribeck_velocity
         return least, max(least, *(FADED * float(np.max(np.abs(motion.velocity))) for motion in motions))
+    if parameter == "rest_velocity":  # faster, what rises with the time is the Stribeck curve
+        return 0.0, nominal.friction.stribeck_velocity
     if name == "frictional_lag" and parameter == "distance":
         return 0.05 * nominal.slip_deflection, np.inf
     if parameter == "attraction_rate":  # a smaller rate is not identifiable

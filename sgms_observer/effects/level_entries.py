@@ -133,21 +133,23 @@ LEVEL_EFFECTS = (
         "dwell_breakaway",
         Place.LEVEL_FACTOR,
         (
-            share("rise of the static friction after a long rest", minimum=0.0),
-            duration("dwell_time", 1.0, 1.0e-3, 1.0e5, "time constant of its rise at rest"),
+            share("rise of the static friction after 1 s at rest", minimum=0.0),
+            duration(
+                "dwell_time", 1.0, 1.0e-3, 1.0e5, "rest after which it begins to rise with the logarithm", may_end=True
+            ),
             length("memory_distance", 1.0e-4, 1.0e-8, 1.0, "travel over which it is forgotten"),
             speed("rest_velocity", 1.0e-4, 1.0e-9, 1.0, "speed below which the contact rests"),
         ),
-        "s -> s (1 + A x), dx/dt = exp(-(v / v_0)^2) (1 - x) / tau - |v| x / d",
+        "s -> s (1 + A x / ln(1 + 1 s / tau)), dx/dt = exp(-(v / v_0)^2 - x) / tau - |v| x / d",
         "a peak at break-away that grows with the rest before it",
         "rests of several lengths before equal motions",
         ("stribeck", "presliding"),
-        "Rabinowicz 1958; Dieterich 1979; Armstrong-Helouvry 1991",
+        "Dieterich 1972, Time-dependent friction in rocks, J. Geophysical Research 77(20); Armstrong-Helouvry 1991",
         formula.dwell_breakaway,
         formula.dwell_breakaway_next,
         (0.0,),
         coordinates=("dwell", "distance since reversal", "direction"),
-        question="Does break-away grow with rests of about {dwell_time}?",
+        question="Does break-away grow with the rest before it, from {dwell_time} on?",
     ),
     Effect(
         "frictional_lag",

@@ -37,9 +37,11 @@ def speed(name: str, default: float, minimum: float, maximum: float, description
     return EffectParameter(name, "m/s", default, minimum, maximum, description, acts_on="velocity")
 
 
-def duration(name: str, default: float, minimum: float, maximum: float, description: str) -> EffectParameter:
+def duration(
+    name: str, default: float, minimum: float, maximum: float, description: str, may_end: bool = False
+) -> EffectParameter:
     """Declare a time [s]."""
-    return EffectParameter(name, "s", default, minimum, maximum, description, acts_on="time")
+    return EffectParameter(name, "s", default, minimum, maximum, description, acts_on="time", may_end=may_end)
 
 
 def frequency(minimum: float, description: str) -> EffectParameter:

@@ -195,14 +195,17 @@ def wear_step_next(v, h, s, p):
 
 
 def dwell_breakaway(s, p):
-    """Static friction that rises at rest [-]; p: share, dwell_time, memory_distance. State: age of contact 0..1."""
-    return 1.0 + p[0] * s[0]
+    """Static friction that rises with the logarithm of rest [-]; p: share, dwell_time, memory_distance.
+
+    State: logarithm of 1 + age / dwell_time, at 1 s of rest the divisor.
+    """
+    return 1.0 + p[0] * s[0] / math.log1p(1.0 / p[1])
 
 
 def dwell_breakaway_next(v, h, s, p):
     """Age the contact at rest, renew it in motion; p: share, dwell_time, memory_distance, rest_velocity."""
     stillness = math.exp(-(v / p[3]) * (v / p[3]))
-    aged = 1.0 + (s[0] - 1.0) * math.exp(-stillness * h / p[1])
+    aged = s[0] + math.log1p(stillness * h / p[1] * math.exp(-s[0]))
     return (aged * math.exp(-math.fabs(v) * h / p[2]),)
 
 

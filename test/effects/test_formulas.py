@@ -10,6 +10,7 @@ from effects_motion import PERIOD, VALUES, motion
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import INPUTS, Effect, Place
+from sgms_observer.formulas import effects as formula
 from sgms_observer.formulas import vectorised
 from sgms_observer.settings.axis import EffectSettings
 
@@ -165,6 +166,21 @@ def test_position_correction_undoes_the_encoder() -> None:
     error = effects.corrected_position(effects.measured_position(q)) - q
     wrong = effects.measured_position(q) - q
     assert np.abs(error).max() < 0.01 * np.abs(wrong).max()
+
+
+@pytest.mark.parametrize("period", [1.0e-3, 0.01])
+def test_break_away_grows_with_the_logarithm_of_the_rest_and_is_forgotten_over_a_distance(period: float) -> None:
+    """Dieterich 1972: the same rise for each factor in the time at rest. The step does not matter."""
+    values = share, dwell_time, distance, _ = 0.3, 0.05, 2.0e-5, 1.0e-4
+    age = (0.0,)
+    rises = {}
+    for number in range(1, round(10.0 / period) + 1):
+        age = formula.dwell_breakaway_next(0.0, period, age, values)
+        rises[round(number * period, 3)] = formula.dwell_breakaway(age, values) - 1.0
+    assert rises[1.0] == pytest.approx(share)
+    assert rises[10.0] == pytest.approx(share * np.log1p(10.0 / dwell_time) / np.log1p(1.0 / dwell_time))
+    (moved,) = formula.dwell_breakaway_next(distance / 1.0e-3, 1.0e-3, age, values)  # far faster than a contact at rest
+    assert moved == pytest.approx(age[0] * np.exp(-1.0))
 
 
 def test_frictional_lag_is_the_gms_relaxation_while_sliding() -> None:
