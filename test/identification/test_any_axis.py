@@ -136,6 +136,18 @@ def test_a_negative_delay_is_never_identified() -> None:
     assert any("negative delay, which is impossible" in one for one in answer.warnings)
 
 
+def test_the_interval_of_a_mass_counts_a_delay_at_its_bound_as_unknown() -> None:
+    """Each 1 ms of delay changes the mass by 0.2 kg. With the delay at exactly 0 s, its interval was +- 0.034 kg."""
+    angle = 0.9 * np.sin(0.9 * TIME) + 0.25 * np.sin(2.3 * TIME)
+    velocity = np.gradient(angle, PERIOD)
+    torque = INERTIA * np.gradient(velocity, PERIOD) + 200.0 * velocity + COULOMB * np.tanh(velocity / 1e-3)
+    late = np.interp(TIME - 1.0e-3, TIME, torque) + np.random.default_rng(3).normal(0.0, 1.0, len(TIME))
+    result = identify([Recording("axis", PERIOD, angle, late)], _axis(joint_type="prismatic"), QUICK)
+    assert result.parameters.scalars[DELAY] == 0.0 and DELAY in result.frozen
+    assert result.confidence.half_width[MASS] > 200.0 * 4.0e-4
+    assert math.isinf(result.confidence.half_width[DELAY])
+
+
 @pytest.fixture
 def bags(tmp_path: Path) -> Path:
     """Return a folder with the same joint in radians and in degrees, and an effort that is noise."""
