@@ -69,11 +69,11 @@ class Scales:
     smallest: float
     period: float
 
-    def largest(self, stated: float) -> float:
+    def largest(self, stated: float = 0.0) -> float:
         """Return the largest slip deflection of an element [m].
 
         Args:
-            stated: largest one that the start settings state [m].
+            stated: largest one that the start settings state [m]; 0 for that of the start grid.
         """
         return max(BUILD_UP_SHARE * self.travel, 10.0 * self.smallest, min(stated, self.travel))
 

@@ -289,7 +289,7 @@ def needs_negative_delay(data: Rows, refined: Refined, shape: ElementShape) -> b
 
 
 def _search(data: Rows, start: Parameters, shape: ElementShape, frozen: Sequence[int]) -> Fit:
-    return search(data.main, data.masks, start, shape, frozen, iterations=60, tolerance=1e-5)
+    return search(data.main, data.masks, start, shape, frozen, iterations=240, tolerance=1e-5)
 
 
 def _confidence(

@@ -212,7 +212,7 @@ def _fit_atoms(
     data: Sequence[Prepared], shape: ElementShape, scales: Scales, stribeck_velocity: float, terms: LinearEffects
 ) -> Atoms:
     """Fit the distribution over a coarse grid of slip deflections, then over a grid up to the largest deflection."""
-    smallest, largest = scales.smallest, scales.largest(shape.stated_deflection)
+    smallest, largest = scales.smallest, scales.largest()
     first = _fit(data, shape, _grid(smallest, largest), stribeck_velocity, 10.0 * smallest, terms)
     if first.is_opposed or first.force.sum() <= 0.0:
         return first
