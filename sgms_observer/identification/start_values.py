@@ -27,7 +27,8 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 MIN_REVERSALS = 2
 """Fewer reversals cannot tell friction from whatever else changed at that time."""
 _REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
-_MIN_GAIN = 0.05  # share of the squared residual that an effect has to explain which the file does not have
+_MIN_GAIN = {GRAVITY: 0.05, SPRING: 0.2}  # share of the squared residual to explain by what the file does not have:
+# any force over the position has a slope; on an electric cylinder a spring explained 5 %, and another sweep less well
 _V_S_SHARES = (1.0e-3, 0.3)  # of the largest velocity: where the search for the Stribeck velocity starts
 _GRID_PER_DECADE = 5
 _ROWS = 40_000  # largest number of rows for a start
@@ -164,7 +165,7 @@ def _is_shown(name: str, start: Start, without: Start) -> bool:
     """Return whether an effect explains more than the others, with its phase if it has one."""
     number = start.terms.strength_of(name)
     is_identifiable = (number, start.terms.phase_of(number)) in start.linear.strengths
-    return is_identifiable and 1.0 - start.atoms.cost / without.atoms.cost > _MIN_GAIN
+    return is_identifiable and 1.0 - start.atoms.cost / without.atoms.cost > _MIN_GAIN[name]
 
 
 def _start_with(recordings: Sequence[Prepared], axis: AxisSettings, shape: ElementShape, terms: EffectTerms) -> Start:
