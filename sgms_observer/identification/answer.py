@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from sgms_observer.errors import RecordingError
+from sgms_observer.identification.effect_terms import SPRING
 from sgms_observer.identification.identify import MAX_UNEXPLAINED, Identification
 from sgms_observer.identification.least_squares import GRAVITY, SYMMETRIC, InverseModelFit
 from sgms_observer.identification.problem import DELAY, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
@@ -262,6 +263,8 @@ def _warnings(result: Identification, axis: AxisSettings, rows: Sequence[Row]) -
 
 def _is_reported_elsewhere(name: str, result: Identification) -> bool:
     """Return whether a value without interval needs no warning: it is no guess, or another row tells."""
+    if name == "effects.spring.rest_position":
+        return SPRING in result.terms.added
     return name.startswith((DAMPING, "delay", "friction.element_")) or name == "effects.gravity.ratio"
 
 

@@ -170,8 +170,12 @@ def confidence_of(
     parameters: Parameters,
     shape: ElementShape,
     free: Sequence[int],
+    at_bound: Sequence[int] = (),
 ) -> Confidence:
     """Return the confidence of an estimate.
+
+    A parameter at its bound is not known: its error adds to that of the others. So the covariance has it among the
+    estimated ones. The estimates of the recordings prepared in other ways have it at the bound, too.
 
     Args:
         data: recordings as prepared for the estimate.
@@ -180,24 +184,26 @@ def confidence_of(
         parameters: the estimate.
         shape: kind of model and its smoothing.
         free: indices that were estimated.
+        at_bound: indices that are at their bounds, and not in ``free``.
     """
-    chosen = list(free)
+    free = list(free)
+    chosen = [*free, *at_bound]
     value = parameters.vector()
     sandwich = _Sandwich(len(chosen))
     for piece, mask, number in zip(data, masks, chunk_numbers(masks, _CLUSTERS), strict=True):
         residual, jacobian = residual_and_jacobian(piece, parameters, shape)
         sandwich.add(jacobian[mask][:, chosen], residual[mask], number[mask])
     covariances = (sandwich.long_run(), sandwich.clustered())
-    steps = [step_to(other, rows, parameters, shape, chosen) for other, rows in others]
+    steps = [step_to(other, rows, parameters, shape, free) for other, rows in others]
     std_error = np.full(len(value), np.nan)
-    std_error[chosen] = np.sqrt(np.max([np.diag(covariance) for covariance in covariances], axis=0))
+    std_error[free] = np.sqrt(np.max([np.diag(covariance) for covariance in covariances], axis=0))[: len(free)]
     systematic = np.full(len(value), np.nan)
-    systematic[chosen] = np.sum(np.abs(steps), axis=0)
+    systematic[free] = np.sum(np.abs(steps), axis=0)
     forces = range(ELEMENTS + parameters.count, parameters.first_effect)
     together = np.array([float(index in forces) for index in chosen])
     with np.errstate(invalid="ignore"):  # a parameter without any information has infinite variance
         variance = max(float(together @ covariance @ together) for covariance in covariances)
-    coulomb = _QUANTILE * np.sqrt(variance) + sum(abs(float(together @ step)) for step in steps)
+    coulomb = _QUANTILE * np.sqrt(variance) + sum(abs(float(together[: len(free)] @ step)) for step in steps)
     coulomb = float(coulomb) if np.isfinite(coulomb) else np.inf
     half_width = _QUANTILE * std_error + systematic
     half_width = np.where(np.isfinite(half_width), half_width, np.inf)

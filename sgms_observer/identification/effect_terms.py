@@ -21,10 +21,13 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 OFFSET_EFFECT = "offset"
 GRAVITY = "gravity"
+SPRING = "spring"
 _TRANSFORMING = (Place.EFFORT_PATH, Place.MEASURED_POSITION)
 _PHASES = ("phase", "second_phase", "angle")
 _FIXED = {"gravity.ratio": "it is the gear ratio, which is known", "mass_error.mass": "mass is fitted in its place"}
 """Parameters that are never fitted, and why."""
+_FIXED_IF_ADDED = {"spring.rest_position": "it is the middle of the stroke, where the offset is the force"}
+"""Parameters that are not fitted where the parameter file does not have the effect, and why."""
 _SHARE_STEP = 0.1  # scale of a strength without unit
 _SHAPE_STEP = 0.3  # scale of a shape over its value
 
@@ -84,9 +87,23 @@ class EffectTerms:
     def start(self) -> EffectVector:
         """Return the values of the parameter file; all parameters free that can be fitted at all."""
         values = [value for item in self.fitted for value in item.values or effect(item.name).defaults]
-        free = tuple(number for number, name in enumerate(self.names) if name not in _FIXED)
+        free = tuple(number for number, name in enumerate(self.names) if not self.reason_fixed(name))
         low, high = (np.array([getattr(entry, key) for entry in self.parameters]) for key in ("minimum", "maximum"))
         return EffectVector(np.array(values, dtype=np.float64), np.ones(len(values)), low, high, free)
+
+    def reason_fixed(self, name: str) -> str:
+        """Return why ``effect.parameter`` is not fitted; empty if it is."""
+        is_added = name.split(".")[0] in self.added
+        return _FIXED.get(name, _FIXED_IF_ADDED.get(name, "") if is_added else "")
+
+    def strength_of(self, name: str) -> int:
+        """Return the number of the first strength of an effect."""
+        strengths = (f"{name}.{entry.name}" for entry in effect(name).parameters if entry.is_strength)
+        return self.names.index(next(strengths))
+
+    def with_added(self, item: EffectSettings) -> EffectTerms:
+        """Return the terms with an effect that is not in the parameter file."""
+        return replace(self, fitted=(*self.fitted, item), added=(*self.added, item.name))
 
     def without(self, name: str) -> EffectTerms:
         """Return the terms without one effect."""
@@ -111,15 +128,10 @@ def effect_terms(axis: AxisSettings) -> EffectTerms:
     others = [item for item in axis.effects if item.name != OFFSET_EFFECT]
     fitted = tuple(item for item in others if effect(item.name).place not in _TRANSFORMING)
     transforming = tuple(item for item in others if effect(item.name).place in _TRANSFORMING)
+    terms = EffectTerms(fitted, transforming, (), axis.units.position)
     if axis.units.is_revolute and all(item.name != GRAVITY for item in others):
-        fitted = (*fitted, EffectSettings(GRAVITY, effect(GRAVITY).defaults))
-        return EffectTerms(fitted, transforming, (GRAVITY,), axis.units.position)
-    return EffectTerms(fitted, transforming, (), axis.units.position)
-
-
-def reason_fixed(name: str) -> str:
-    """Return why ``effect.parameter`` is never fitted; empty if it is."""
-    return _FIXED.get(name, "")
+        return terms.with_added(EffectSettings(GRAVITY, effect(GRAVITY).defaults))
+    return terms
 
 
 @dataclass(frozen=True)

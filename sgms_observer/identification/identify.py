@@ -10,7 +10,7 @@ import numpy as np
 from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import Confidence
-from sgms_observer.identification.effect_terms import EffectTerms, effect_terms, reason_fixed
+from sgms_observer.identification.effect_terms import EffectTerms, effect_terms
 from sgms_observer.identification.prepared import MAX_SAMPLES_AT_ONCE, MIN_PERIODS, parts_of_long, prepare_all
 from sgms_observer.identification.problem import ElementShape, Parameters
 from sgms_observer.identification.selection import (
@@ -204,7 +204,7 @@ def _effort(data: Rows) -> Floats:
 def _reasons(start: Start) -> dict[str, str]:
     """Return why parameters of effects are not fitted."""
     reasons = {start.terms.names[number]: reason for number, reason in start.linear.reasons.items()}
-    reasons |= {name: reason_fixed(name) for name in start.terms.names if reason_fixed(name)}
+    reasons |= {name: reason for name in start.terms.names if (reason := start.terms.reason_fixed(name))}
     return reasons | {item.name: _REASON_KEPT for item in start.terms.transforming}
 
 

@@ -39,7 +39,7 @@ MAX_SAMPLES_AT_ONCE = 2**19
 _SAMPLES_OF_PART = 2**16  # samples at the working rate after which a longer log is cut at the next long stroke
 _TRAVEL_OVER_DEFLECTION = 3.0  # slip deflections of one-way travel after which the unknown initial state has no effect
 BUILD_UP_SHARE = 0.05
-"""Largest slip deflection of the search over the travel: a friction that builds up over more is a spring, or gravity"""
+"""Largest slip deflection of an element over the travel: a friction that builds up over more is a spring, or gravity"""
 
 
 @dataclass(frozen=True)

@@ -38,10 +38,12 @@ class ElementShape:
     Attributes:
         is_gms: GMS instead of S-GMS.
         numbers: fixed numbers for the kernel.
+        stated_deflection: largest slip deflection that the settings state [m].
     """
 
     is_gms: bool
     numbers: Floats
+    stated_deflection: float = 0.0
 
     @staticmethod
     def of(settings: FrictionSettings, model: str) -> ElementShape:
@@ -52,7 +54,8 @@ class ElementShape:
         numbers[_ZETA] = settings.smoothing_zeta
         numbers[_GAMMA] = settings.smoothing_gamma
         numbers[_IS_PAPER] = float(settings.reset == "paper")
-        return ElementShape(model == "gms", numbers)
+        limits = settings.static_force * np.array(settings.element_fraction)
+        return ElementShape(model == "gms", numbers, float(np.max(limits / np.array(settings.element_stiffness))))
 
 
 @njit

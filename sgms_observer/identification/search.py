@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sgms_observer.arrays import Booleans, Floats
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.errors import DataError
 from sgms_observer.identification.prepared import BUILD_UP_SHARE, Prepared
 from sgms_observer.identification.problem import (
@@ -69,10 +69,13 @@ class Scales:
     smallest: float
     period: float
 
-    @property
-    def largest(self) -> float:
-        """Largest slip deflection of the search [m]."""
-        return max(BUILD_UP_SHARE * self.travel, 10.0 * self.smallest)
+    def largest(self, stated: float = 0.0) -> float:
+        """Return the largest slip deflection of an element [m].
+
+        Args:
+            stated: largest one that the start settings state [m]; 0 for that of the start grid.
+        """
+        return max(BUILD_UP_SHARE * self.travel, 10.0 * self.smallest, min(stated, self.travel))
 
     @property
     def mass(self) -> float:
@@ -188,6 +191,42 @@ def search_bounds(parameters: Parameters, scales: Scales) -> tuple[Floats, Float
     return low, high
 
 
+def _with_limited_deflections(variables: Floats, n_z: int, largest: float) -> Floats:
+    """Return search variables in which no element slips later: its stiffness is higher where it would.
+
+    Args:
+        variables: search variables.
+        n_z: number of elements.
+        largest: largest slip deflection at rest [m].
+    """
+    out = variables.copy()
+    stiffness = out[ELEMENTS : ELEMENTS + n_z]
+    stiffness[:] = np.maximum(stiffness, _softest(variables, n_z, largest))
+    return out
+
+
+def _softest(variables: Floats, n_z: int, largest: float) -> Floats:
+    """Return the logarithm of the stiffness with which each element slips at the largest deflection."""
+    return np.asarray(variables[ELEMENTS + n_z : ELEMENTS + 2 * n_z] + max(variables[RHO], 0.0) - np.log(largest))
+
+
+def _directions(moving: Ints, limited: Ints, n_z: int, size: int) -> Floats:
+    """Return the directions in which the search variables move, one in each column.
+
+    An element that slips at the largest deflection keeps it: its stiffness follows its force and the Stribeck ratio.
+
+    Args:
+        moving: variables that are free to move.
+        limited: numbers of these elements.
+        n_z: number of elements.
+        size: number of search variables.
+    """
+    follows = np.eye(size)
+    for number in limited:
+        follows[ELEMENTS + number, [RHO, ELEMENTS + n_z + number]] = 1.0
+    return follows[:, np.setdiff1d(moving, ELEMENTS + limited)]
+
+
 def _normal_equations(
     data: Sequence[Prepared], masks: Sequence[Booleans], parameters: Parameters, shape: ElementShape, scales: Scales
 ) -> tuple[float, Floats, Floats]:
@@ -236,9 +275,11 @@ def search(
     """
     scales = scales_of(data)
     low, high = search_bounds(start, scales)
+    n_z, largest = start.count, scales.largest(shape.stated_deflection)
     free = np.array(start.free(frozen, shape.is_gms))
     variables = to_search(start, scales)
     variables[free] = np.clip(variables[free], low[free], high[free])
+    variables = _with_limited_deflections(variables, n_z, largest)
     parameters = from_search(variables, start, scales)
     cost, gradient, matrix = _normal_equations(data, masks, parameters, shape, scales)
     damping = 1e-3
@@ -246,10 +287,13 @@ def search(
     while steps < iterations:
         steps += 1
         at_bound = ((variables <= low) & (gradient > 0.0)) | ((variables >= high) & (gradient < 0.0))
-        moving = free[~at_bound[free]]
-        step = _damped_step(matrix[np.ix_(moving, moving)], gradient[moving], damping)
+        stiffness = slice(ELEMENTS, ELEMENTS + n_z)
+        is_limited = (variables[stiffness] <= _softest(variables, n_z, largest)) & (gradient[stiffness] > 0.0)
+        ways = _directions(free[~at_bound[free]], np.flatnonzero(is_limited), n_z, len(variables))
+        step = ways @ _damped_step(ways.T @ matrix @ ways, ways.T @ gradient, damping)
         trial = variables.copy()
-        trial[moving] = np.clip(variables[moving] + step, low[moving], high[moving])
+        trial[free] = np.clip(variables[free] + step[free], low[free], high[free])
+        trial = _with_limited_deflections(trial, n_z, largest)
         candidate = from_search(trial, start, scales)
         new_cost, new_gradient, new_matrix = _normal_equations(data, masks, candidate, shape, scales)
         if not new_cost < cost:

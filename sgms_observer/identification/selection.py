@@ -254,19 +254,18 @@ def refine(
         show: called with the completed share, from 0 to 1.
     """
     fit = _search(data, parameters, shape, (RELAXATION,))
-    frozen: tuple[int, ...] = (RELAXATION,)
-    if fit.parameters.scalars[DELAY] <= 0.0:
-        frozen = (*frozen, DELAY)
+    at_bound = (DELAY,) if fit.parameters.scalars[DELAY] <= 0.0 else ()
+    frozen: tuple[int, ...] = (RELAXATION, *at_bound)
     show(0.3)
-    fit, confidence, frozen = _without_not_identifiable(data, fit, shape, frozen, at_start)
+    fit, confidence, frozen = _without_not_identifiable(data, fit, shape, frozen, at_start, at_bound)
     show(0.7)
-    relaxation, most = _relaxation(data, fit.parameters, shape, [j for j in frozen if j != RELAXATION])
+    relaxation, most = _relaxation(data, fit.parameters, shape, [j for j in frozen if j != RELAXATION], at_bound)
     if relaxation > 0.0:
         frozen = tuple(j for j in frozen if j != RELAXATION)
         scalars = fit.parameters.scalars.copy()
         scalars[RELAXATION] = relaxation
         fit = _search(data, replace(fit.parameters, scalars=scalars), shape, frozen)
-        fit, confidence, frozen = _without_not_identifiable(data, fit, shape, frozen, at_start)
+        fit, confidence, frozen = _without_not_identifiable(data, fit, shape, frozen, at_start, at_bound)
     return Refined(fit, confidence, frozen, most)
 
 
@@ -290,23 +289,31 @@ def needs_negative_delay(data: Rows, refined: Refined, shape: ElementShape) -> b
 
 
 def _search(data: Rows, start: Parameters, shape: ElementShape, frozen: Sequence[int]) -> Fit:
-    return search(data.main, data.masks, start, shape, frozen, iterations=60, tolerance=1e-5)
+    return search(data.main, data.masks, start, shape, frozen, iterations=240, tolerance=1e-5)
 
 
-def _confidence(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> Confidence:
+def _confidence(
+    data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int], at_bound: Sequence[int] = ()
+) -> Confidence:
     free = parameters.free(frozen, shape.is_gms)
-    return confidence_of(data.main, data.masks, data.others, parameters, shape, free)
+    return confidence_of(data.main, data.masks, data.others, parameters, shape, free, at_bound)
 
 
 def _without_not_identifiable(
-    data: Rows, fit: Fit, shape: ElementShape, frozen: tuple[int, ...], at_start: Floats
+    data: Rows,
+    fit: Fit,
+    shape: ElementShape,
+    frozen: tuple[int, ...],
+    at_start: Floats,
+    at_bound: tuple[int, ...],
 ) -> tuple[Fit, Confidence, tuple[int, ...]]:
     """Set parameters that are not identifiable to their start values, the least essential first, and refit the others.
 
     A parameter stays as fitted, with its wide interval, if the start value increases the cost clearly. The delay is
     always set back, because it absorbs any lead or lag. The change of the other parameters is added to their intervals.
     Where the recording refuses the start value of the Stribeck curve, and shows none of its own either, the static
-    force is the Coulomb force: then no Stribeck velocity has an effect.
+    force is the Coulomb force: then no Stribeck velocity has an effect. Parameters at their bounds are frozen, too; the
+    intervals of the result count them as free.
     """
     moved = np.zeros(len(at_start))
     effects = range(fit.parameters.first_effect, len(at_start))
@@ -331,13 +338,15 @@ def _without_not_identifiable(
             flat = _search(data, replace(fit.parameters, scalars=scalars), shape, held)
             if flat.cost <= (1.0 + NEGLIGIBLE_EXCESS) * fit.cost:
                 fit, frozen = flat, held
-    return fit, widened(_confidence(data, fit.parameters, shape, frozen), moved, fit.parameters), frozen
+    return fit, widened(_confidence(data, fit.parameters, shape, frozen, at_bound), moved, fit.parameters), frozen
 
 
-def _relaxation(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> tuple[float, float]:
+def _relaxation(
+    data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int], at_bound: Sequence[int]
+) -> tuple[float, float]:
     """Return the damping of the elements over their stiffness [s], 0 if not significant, and its upper limit."""
     free = parameters.free(frozen, shape.is_gms)
-    width = _confidence(data, parameters, shape, frozen).half_width[RELAXATION]
+    width = _confidence(data, parameters, shape, frozen, at_bound).half_width[RELAXATION]
     value = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(RELAXATION)])
     return (value if value > width else 0.0), max(value, 0.0) + float(width)
 

@@ -14,19 +14,21 @@ import numpy as np
 from scipy.optimize import nnls
 
 from sgms_observer.arrays import Floats
+from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.errors import DataError
-from sgms_observer.identification.effect_terms import GRAVITY, EffectTerms, EffectVector, effect_terms
+from sgms_observer.identification.effect_terms import GRAVITY, SPRING, EffectTerms, EffectVector, effect_terms
 from sgms_observer.identification.linear_effects import LinearEffects, linear_effects
 from sgms_observer.identification.prepared import Prepared, prepare_all
 from sgms_observer.identification.problem import ELEMENTS, ElementShape, Parameters, unit_elements
 from sgms_observer.identification.search import Scales, scales_of
 from sgms_observer.offline.recording import Recording
-from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 MIN_REVERSALS = 2
 """Fewer reversals cannot tell friction from whatever else changed at that time."""
 _REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
-_MIN_GRAVITY_GAIN = 0.05  # share of the squared residual that gravity has to explain where the file does not have it
+_MIN_GAIN = {GRAVITY: 0.05, SPRING: 0.2}  # share of the squared residual to explain by what the file does not have:
+# any force over the position has a slope; on an electric cylinder a spring explained 5 %, and another sweep less well
 _V_S_SHARES = (1.0e-3, 0.3)  # of the largest velocity: where the search for the Stribeck velocity starts
 _GRID_PER_DECADE = 5
 _ROWS = 40_000  # largest number of rows for a start
@@ -130,7 +132,9 @@ class Start:
 
 
 def linear_start(recordings: Sequence[Recording], axis: AxisSettings, shape: ElementShape, cutoff: float) -> Start:
-    """Fit the linear parameters; gravity that the file does not have is kept only if the recordings show it.
+    """Fit the linear parameters; gravity or a spring that the file does not have stays only if the recordings show it.
+
+    Over less than a turn, gravity and a spring imitate each other: a joint with gravity gets no spring.
 
     Args:
         recordings: evenly sampled pieces.
@@ -142,23 +146,35 @@ def linear_start(recordings: Sequence[Recording], axis: AxisSettings, shape: Ele
         DataError: if the recordings hold too little motion.
     """
     terms = effect_terms(axis)
-    start = _start_with(recordings, axis, shape, cutoff, terms)
-    if GRAVITY not in terms.added:
-        return start
-    without = _start_with(recordings, axis, shape, cutoff, terms.without(GRAVITY))
-    number = terms.names.index(f"{GRAVITY}.amplitude")
-    is_identifiable = any(strength == number and phase is not None for strength, phase in start.linear.strengths)
-    gain = 1.0 - start.atoms.cost / without.atoms.cost
-    return start if is_identifiable and gain > _MIN_GRAVITY_GAIN else without
-
-
-def _start_with(
-    recordings: Sequence[Recording], axis: AxisSettings, shape: ElementShape, cutoff: float, terms: EffectTerms
-) -> Start:
-    """Fit the linear parameters with given effects."""
     data = prepare_all(recordings, cutoff, terms)
+    _check_reversals(recordings, data, scales_of(data))
+    start = _start_with(data, axis, shape, terms)
+    if GRAVITY in terms.added:
+        without = _start_with(data, axis, shape, terms.without(GRAVITY))
+        start = start if _is_shown(GRAVITY, start, without) else without
+    names = [item.name for item in start.terms.fitted]
+    if SPRING in names or (axis.units.is_revolute and GRAVITY in names):
+        return start
+    ends = [float(end) for piece in data for end in (piece.position.min(), piece.position.max())]
+    spring = EffectSettings(SPRING, (0.0, 0.5 * (min(ends) + max(ends))))
+    more = _start_with(data, axis, shape, start.terms.with_added(spring))
+    return more if _is_shown(SPRING, more, start) else start
+
+
+def _is_shown(name: str, start: Start, without: Start) -> bool:
+    """Return whether an effect explains more than the others, with its phase if it has one."""
+    number = start.terms.strength_of(name)
+    is_identifiable = (number, start.terms.phase_of(number)) in start.linear.strengths
+    return is_identifiable and 1.0 - start.atoms.cost / without.atoms.cost > _MIN_GAIN[name]
+
+
+def _start_with(recordings: Sequence[Prepared], axis: AxisSettings, shape: ElementShape, terms: EffectTerms) -> Start:
+    """Fit the linear parameters with given effects, of which those of the effort's path and of the position stay."""
+    data = [
+        replace(piece, effects=replace(piece.effects, compiled=CompiledEffects(terms.fitted, piece.period)))
+        for piece in recordings
+    ]
     scales = scales_of(data)
-    _check_reversals(recordings, data, scales)
     vector, coulomb = terms.start, axis.friction.coulomb_force
     widest = max(data, key=lambda piece: float(np.ptp(piece.position)))
     level = np.full(len(widest.position), coulomb)
@@ -197,7 +213,7 @@ def _fit_atoms(
     data: Sequence[Prepared], shape: ElementShape, scales: Scales, stribeck_velocity: float, terms: LinearEffects
 ) -> Atoms:
     """Fit the distribution over a coarse grid of slip deflections, then over a grid up to the largest deflection."""
-    smallest, largest = scales.smallest, scales.largest
+    smallest, largest = scales.smallest, scales.largest()
     first = _fit(data, shape, _grid(smallest, largest), stribeck_velocity, 10.0 * smallest, terms)
     if first.is_opposed or first.force.sum() <= 0.0:
         return first

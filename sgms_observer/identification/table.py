@@ -10,6 +10,7 @@ import numpy as np
 
 from sgms_observer.arrays import Floats
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.identification.effect_terms import SPRING
 from sgms_observer.identification.identify import Identification
 from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
 from sgms_observer.settings.axis import AxisSettings
@@ -173,5 +174,10 @@ def remarks_of(rows: Sequence[Row], result: Identification, units: Units) -> dic
 
 def dropped_effects(result: Identification) -> tuple[str, ...]:
     """Return effects that the parameter file does not have and the recordings do not show."""
-    first, names = result.parameters.first_effect, result.terms.names
-    return tuple(owner for owner in result.terms.added if first + names.index(f"{owner}.amplitude") in result.frozen)
+    value, width = result.parameters.vector(), result.confidence.half_width
+
+    def is_shown(owner: str) -> bool:
+        index = result.parameters.first_effect + result.terms.strength_of(owner)
+        return index not in result.frozen and (owner != SPRING or abs(value[index]) > width[index])
+
+    return tuple(owner for owner in result.terms.added if not is_shown(owner))

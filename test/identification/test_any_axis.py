@@ -15,10 +15,10 @@ from sgms_observer.errors import DataError
 from sgms_observer.identification.answer import identification_answer, least_squares_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.least_squares import fit_inverse_model
-from sgms_observer.identification.problem import DELAY, MASS, RHO, V_S, VISCOUS
+from sgms_observer.identification.problem import DELAY, MASS, RHO, V_S, VISCOUS, ElementShape, unit_elements
 from sgms_observer.identification.trace import traces_of, unexplained_share
 from sgms_observer.offline.recording import Recording
-from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.axis import AxisSettings, FrictionSettings
 from sgms_observer.settings.load import load_settings, settings_from_tree
 
 PERIOD = 5.0e-3
@@ -71,6 +71,48 @@ def test_a_joint_without_gravity_gets_none() -> None:
     axis = _axis()
     result = identify([Recording("joint", PERIOD, angle, torque)], axis, QUICK)
     assert "effects.gravity.amplitude" not in identification_answer(result, axis, PERIOD).changes
+
+
+@pytest.mark.parametrize("stiffness", [40.0, -40.0])
+def test_an_axis_gets_a_spring_although_its_file_has_none(stiffness: float) -> None:
+    """The spring was a friction that slips after half of the stroke, and the Coulomb force 50 % too large."""
+    position, force = _turning(amplitude=0.0)
+    force = force + stiffness * position
+    axis = _axis(joint_type="prismatic")
+    result = identify([Recording("axis", PERIOD, position, force)], axis, IdentifyOptions(count=2))
+    assert float(result.parameters.level.sum()) == pytest.approx(COULOMB, rel=0.05)
+    answer = identification_answer(result, axis, PERIOD)
+    changes = answer.changes
+    assert "spring" in changes["effects.names"]
+    row = next(row for row in answer.rows if row.name == "effects.spring.stiffness")
+    assert abs(row.value - stiffness) <= row.half_width < 2.0
+    middle = 0.5 * (position.min() + position.max())
+    assert changes["effects.spring.rest_position"] == pytest.approx(middle, abs=0.01)
+    at_middle = stiffness * changes["effects.spring.rest_position"] + OFFSET
+    assert changes["effects.offset.force"] == pytest.approx(at_middle, abs=0.5)
+    assert not any("rest_position" in one for one in answer.warnings)
+
+
+def test_an_axis_without_a_spring_gets_none() -> None:
+    position, force = _turning(amplitude=0.0)
+    axis = _axis(joint_type="prismatic")
+    answer = identification_answer(identify([Recording("axis", PERIOD, position, force)], axis, QUICK), axis, PERIOD)
+    assert not any("spring" in name for name in (*answer.changes, *answer.remarks))
+
+
+@pytest.mark.parametrize(("stated", "largest"), [(0.01, 0.05), (0.15, 0.15)])
+def test_no_element_slips_later_than_friction_or_the_start_file(stated: float, largest: float) -> None:
+    """This one slips after 0.4 of the stroke."""
+    position, force = _turning(amplitude=0.0)
+    stroke = float(np.ptp(position))
+    shape = ElementShape.of(FrictionSettings(), "sgms")
+    force = force + 20.0 * unit_elements(position, PERIOD, np.array([0.4 * stroke]), shape)[:, 0]
+    one = {"element_stiffness": [9.0 / (stated * stroke)], "element_fraction": [1.0], "element_damping": [0.0]}
+    friction = {"static_force": 9.0, "coulomb_force": 8.0, "stribeck_velocity": 1.0e-2, **one}
+    axis = _axis(joint_type="prismatic", friction=friction, effects={"names": ["spring"]})
+    result = identify([Recording("axis", PERIOD, position, force)], axis, IdentifyOptions(count=2))
+    slip = float(result.parameters.slip_deflection.max()) / stroke
+    assert 0.9 * largest <= slip <= 1.0001 * largest
 
 
 @pytest.mark.parametrize("model", ["gms", "least_squares"])
@@ -134,6 +176,18 @@ def test_a_negative_delay_is_never_identified() -> None:
     answer = identification_answer(result, axis, PERIOD)
     assert "compensation.look_ahead" not in answer.changes
     assert any("negative delay, which is impossible" in one for one in answer.warnings)
+
+
+def test_the_interval_of_a_mass_counts_a_delay_at_its_bound_as_unknown() -> None:
+    """Each 1 ms of delay changes the mass by 0.2 kg. With the delay at exactly 0 s, its interval was +- 0.034 kg."""
+    angle = 0.9 * np.sin(0.9 * TIME) + 0.25 * np.sin(2.3 * TIME)
+    velocity = np.gradient(angle, PERIOD)
+    torque = INERTIA * np.gradient(velocity, PERIOD) + 200.0 * velocity + COULOMB * np.tanh(velocity / 1e-3)
+    late = np.interp(TIME - 1.0e-3, TIME, torque) + np.random.default_rng(3).normal(0.0, 1.0, len(TIME))
+    result = identify([Recording("axis", PERIOD, angle, late)], _axis(joint_type="prismatic"), QUICK)
+    assert result.parameters.scalars[DELAY] == 0.0 and DELAY in result.frozen
+    assert result.confidence.half_width[MASS] > 200.0 * 4.0e-4
+    assert math.isinf(result.confidence.half_width[DELAY])
 
 
 @pytest.fixture
