@@ -27,8 +27,9 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 MIN_REVERSALS = 2
 """Fewer reversals cannot tell friction from whatever else changed at that time."""
 _REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
-_MIN_GAIN = {GRAVITY: 0.05, SPRING: 0.2}  # share of the squared residual to explain by what the file does not have:
-# any force over the position has a slope; on an electric cylinder a spring explained 5 %, and another sweep less well
+_MIN_GAIN = {GRAVITY: 0.05, SPRING: 0.2}
+"""Share of the squared residual that an effect has to explain which the file does not have. A joint has gravity; any
+force over the position has a slope, which need not be a spring: one of 5 % did not hold in another sweep of a machine."""
 _V_S_SHARES = (1.0e-3, 0.3)  # of the largest velocity: where the search for the Stribeck velocity starts
 _GRID_PER_DECADE = 5
 _ROWS = 40_000  # largest number of rows for a start
