@@ -29,7 +29,7 @@ MIN_REVERSALS = 2
 _REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
 _MIN_GAIN = {GRAVITY: 0.05, SPRING: 0.2}
 """Share of the squared residual that an effect has to explain which the file does not have. A joint has gravity; any
-force over the position has a slope, which need not be a spring: one of 5 % did not hold in another sweep of a machine."""
+force over the position has a slope, which need not be a spring: see docs/real_logs.md."""
 _V_S_SHARES = (1.0e-3, 0.3)  # of the largest velocity: where the search for the Stribeck velocity starts
 _GRID_PER_DECADE = 5
 _ROWS = 40_000  # largest number of rows for a start
