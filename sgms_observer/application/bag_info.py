@@ -10,7 +10,7 @@ from typing import Any
 
 from sgms_observer.application.axis_facts import AxisFacts, read_axis_facts
 from sgms_observer.application.gravity_unit import gravity_warnings
-from sgms_observer.bags.source import BagReader, TopicSurvey, find_inputs, missing_topic, survey_bag
+from sgms_observer.bags.source import BagReader, TopicSurvey, missing_topic, needed_inputs, survey_bag
 from sgms_observer.diagnosis.motion import MIN_DURATION
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.settings.axis import AxisSettings
@@ -329,7 +329,7 @@ def inspect_bag(
     """
     surveys, warnings = survey_bag(bag)
     with BagReader(bag) as reader:
-        inputs = _named_inputs(reader, topics)
+        inputs = needed_inputs(reader, topics)
     position = next((survey for survey in surveys if survey.name == inputs["position"]), None)
     sentences = list(warnings)
     if position is None:
@@ -367,21 +367,9 @@ def find_input_topics(
         RecordingError: there is none, or a topic that was named is not there; one sentence with the remedy.
     """
     with BagReader(bag) as reader:
-        inputs = _named_inputs(reader, topics)
-        name = inputs["position"]
-        if name is None:
-            raise missing_topic(reader, "position", "position")
+        inputs = needed_inputs(reader, topics, ["position"])
     by_name = {survey.name: survey for survey in surveys}
-    return by_name[name], by_name.get(inputs["control_effort"] or "")
-
-
-def _named_inputs(reader: BagReader, topics: Mapping[str, str]) -> dict[str, str | None]:
-    """Return the topic for each input, None where there is none; raise if the user named a topic that is not there."""
-    inputs = find_inputs(reader, topics)
-    for key, name in topics.items():
-        if inputs[key] is None:
-            raise missing_topic(reader, name, key)
-    return inputs
+    return by_name[inputs["position"] or ""], by_name.get(inputs["control_effort"] or "")
 
 
 def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:

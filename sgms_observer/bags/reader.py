@@ -10,7 +10,7 @@ import numpy as np
 
 from sgms_observer.arrays import Floats
 from sgms_observer.bags.blocks import JointStates, MessageBlock, Pattern, decode_joint_states
-from sgms_observer.bags.source import INPUTS, BagReader, find_inputs, find_topic, missing_topic
+from sgms_observer.bags.source import INPUTS, BagReader, find_topic, needed_inputs
 from sgms_observer.errors import RecordingError
 from sgms_observer.observer.block_pairing import Messages, in_order_of_stamps, push_block
 from sgms_observer.observer.pairing import Pairing, PairingCounts
@@ -60,7 +60,7 @@ class BagSamples:
         self._is_sorted = is_sorted
         self._bag = BagReader(path)
         try:
-            self._topics = self._resolve(dict(topics or {}), needs_effort)
+            self._topics = needed_inputs(self._bag, topics or {}, INPUTS[:2] if needs_effort else INPUTS[:1])
         except BaseException:
             self._bag.close()
             raise
@@ -131,16 +131,6 @@ class BagSamples:
                 while (samples := pairing.pop()) is not None:
                     yield axis, samples
             self._check_axes()
-
-    def _resolve(self, names: dict[str, str], needs_effort: bool) -> dict[str, str | None]:
-        """Return the bag's topic for each input; one that is needed or that the user named must be there."""
-        bag = self._bag
-        found = find_inputs(bag, names)
-        for name in INPUTS:
-            is_needed = name in names or name in (INPUTS[:2] if needs_effort else INPUTS[:1])
-            if is_needed and found[name] is None:
-                raise missing_topic(bag, names.get(name, name), name)
-        return found
 
     def _decode(self, block: MessageBlock, topic: str) -> list[JointStates]:
         groups, bad = decode_joint_states(block, block.of_topic(topic), self._patterns.setdefault(topic, []))

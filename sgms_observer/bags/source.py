@@ -179,6 +179,24 @@ def find_inputs(bag: BagReader, names: Mapping[str, str]) -> dict[str, str | Non
     return found
 
 
+def needed_inputs(bag: BagReader, names: Mapping[str, str], needed: Sequence[str] = ()) -> dict[str, str | None]:
+    """Return the topics as of ``find_inputs``; an input that is needed or that the user named must be there.
+
+    Args:
+        bag: the recording.
+        names: names of ``position``, ``control_effort`` and ``reference`` where they differ.
+        needed: inputs that must be there.
+
+    Raises:
+        RecordingError: as of ``find_inputs``, or such an input is not there.
+    """
+    found = find_inputs(bag, names)
+    for key in dict.fromkeys((*needed, *names)):
+        if found[key] is None:
+            raise missing_topic(bag, names.get(key, key), key)
+    return found
+
+
 def missing_topic(bag: BagReader, name: str, key: str) -> RecordingError:
     """Return the error about a topic that a bag lacks, with what it holds and how the user says which of it is meant.
 

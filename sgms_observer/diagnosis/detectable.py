@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 
 from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis import search
@@ -16,7 +17,7 @@ from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidenc
 from sgms_observer.diagnosis.evidence import in_blocks, whitened_blocks
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import weighted
-from sgms_observer.diagnosis.model import predict
+from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, lowest_rate
 from sgms_observer.diagnosis.screen import Screening
 from sgms_observer.settings.axis import EffectSettings
@@ -56,11 +57,11 @@ def detectable(diagnosis: Diagnosis, options: Options) -> dict[str, float]:
     if not diagnosis.rounds:
         return sizes
     fit, evaluation = diagnosis.final_state.current, diagnosis.evaluation
-    left = evidence_of(fit, evaluation)
+    left, rest = evidence_of(fit, evaluation), Rest.of(fit, evaluation)
     for name, screening in diagnosis.rounds[0].screenings.items():
         shown = None if name in sizes or screening.trials == 0 else _shown(name, screening, fit, evaluation)
         if shown is not None:
-            change = _change(shown, fit, evaluation)
+            change = _change(shown, rest, evaluation)
             size = max(_smallest(name, change, left, screening.trials, evaluation), _shortest(shown, evaluation))
             peak = size * change.peak / diagnosis.nominal.friction.coulomb_force
             sizes[name] = LARGEST if math.isnan(peak) else min(LARGEST, peak)
@@ -73,36 +74,59 @@ def _shown(name: str, screening: Screening, fit: Refit, evaluation: EvaluationDa
     return listed[len(listed) // 2].columns()[0] if listed else None
 
 
-def _change(item: EffectSettings, fit: Refit, evaluation: EvaluationData) -> Change:
+@dataclass(frozen=True)
+class Rest:
+    """What a fit leaves, and which part of a change it would absorb.
+
+    Attributes:
+        model: the fitted model.
+        learnt, held_out: residual of each recording at the working rate [N].
+        basis: orthonormal columns of what the fitted parameters absorb, with prior rows, shape (rows, k).
+    """
+
+    model: Model
+    learnt: list[Floats]
+    held_out: list[Floats]
+    basis: Floats
+
+    @staticmethod
+    def of(fit: Refit, evaluation: EvaluationData) -> Rest:
+        """Return what a fit leaves of the recordings."""
+        learnt = _residuals(fit.model, evaluation.fit_data.motions)
+        held_out = _residuals(fit.model, evaluation.held_out_data.motions)
+        return Rest(fit.model, learnt, held_out, linalg.orth(fit.jacobian))
+
+    def not_absorbed(self, change: Floats) -> Floats:
+        """Return the part of a whitened change of the fitted recordings that the fitted parameters do not absorb."""
+        return np.asarray(change - (self.basis @ (self.basis[: len(change)].T @ change))[: len(change)])
+
+
+def _residuals(model: Model, motions: Sequence[Motion]) -> list[Floats]:
+    """Return the residual of a model in each recording at the working rate [N]."""
+    return [predict(model, motion).residual for motion in motions]
+
+
+def _change(item: EffectSettings, rest: Rest, evaluation: EvaluationData) -> Change:
     """Return the change of the residual by an effect beside a fit."""
-    model, data, length = fit.model.with_effects([item]), evaluation.fit_data, evaluation.criteria.block
+    model, length = rest.model.with_effects([item]), evaluation.criteria.block
+    data, unseen = evaluation.fit_data, evaluation.held_out_data
 
-    def changes(motions: Sequence[Motion]) -> list[Floats]:
-        pairs = ((predict(model, motion).residual, predict(fit.model, motion).residual) for motion in motions)
-        return [one - other for one, other in pairs]
+    def changes(motions: Sequence[Motion], before: Sequence[Floats]) -> list[Floats]:
+        return [one - other for one, other in zip(_residuals(model, motions), before, strict=True)]
 
-    learnt, held_out = changes(data.motions), changes(evaluation.held_out_data.motions)
+    learnt, held_out = changes(data.motions, rest.learnt), changes(unseen.motions, rest.held_out)
     whole = data.whitened(learnt)
-    rest = _not_absorbed(whole, fit)
-    share = float(np.linalg.norm(rest)) / max(float(np.linalg.norm(whole)), 1.0e-300)
+    left = rest.not_absorbed(whole)
+    share = float(np.linalg.norm(left)) / max(float(np.linalg.norm(whole)), 1.0e-300)
     force = [motion.low_pass(one) for motion, one in zip(evaluation.motions, held_out or learnt, strict=True)]
     parts = [share * part for part in weighted(force, evaluation.weights)]
-    return Change(
-        Evidence(
-            whitened_blocks(rest, data, length),
-            whitened_blocks(share * evaluation.held_out_data.whitened(held_out), evaluation.held_out_data, length)
-            if held_out else [],
-            in_blocks(parts, evaluation.motions, length),
-        ),
-        max(float(np.max(np.abs(motion.low_pass(one)))) for motion, one in zip(data.motions, learnt, strict=True)),
-    )  # fmt: skip
-
-
-def _not_absorbed(change: Floats, fit: Refit) -> Floats:
-    """Return the part of a whitened change that the parameters of a fit do not absorb."""
-    padded = np.concatenate([change, np.zeros(len(fit.jacobian) - len(change))])
-    absorbed = fit.jacobian @ np.linalg.lstsq(fit.jacobian, padded, rcond=None)[0]
-    return np.asarray((padded - absorbed)[: len(change)])
+    evidence = Evidence(
+        whitened_blocks(left, data, length),
+        whitened_blocks(share * unseen.whitened(held_out), unseen, length) if held_out else [],
+        in_blocks(parts, evaluation.motions, length),
+    )
+    peaks = [np.max(np.abs(motion.low_pass(one))) for motion, one in zip(data.motions, learnt, strict=True)]
+    return Change(evidence, float(max(peaks)))
 
 
 def _smallest(name: str, change: Change, left: Evidence, trials: int, evaluation: EvaluationData) -> float:
@@ -116,16 +140,16 @@ def _smallest(name: str, change: Change, left: Evidence, trials: int, evaluation
         evaluation: the recordings.
     """
     criteria = evaluation.criteria
-    needed = [_with_z_score(criteria.z_score_of(trials), change.evidence.all, left.all)]
+    needed = [size_with_z_score(criteria.z_score_of(trials), change.evidence.all, left.all)]
     if evaluation.has_held_out:
-        needed.append(_with_z_score(criteria.interval_z_score, change.evidence.force, left.force))
-    needed.append(_with_share(criteria.min_closed_share, evaluation.closable, change))
+        needed.append(size_with_z_score(criteria.interval_z_score, change.evidence.force, left.force))
+    needed.append(_size_with_share(criteria.min_closed_share, evaluation.closable, change))
     if needs_visible_contact(name):
-        needed.append(_with_share(criteria.min_imitable_share, evaluation.closable_above_floor, change))
+        needed.append(_size_with_share(criteria.min_imitable_share, evaluation.closable_above_floor, change))
     return max(needed)
 
 
-def _with_share(share: float, closable: float, change: Change) -> float:
+def _size_with_share(share: float, closable: float, change: Change) -> float:
     """Return the size that closes a share of the gap; the effect itself adds to the gap.
 
     Args:
@@ -137,8 +161,8 @@ def _with_share(share: float, closable: float, change: Change) -> float:
     return math.sqrt(share / (1.0 - share) * max(closable, 0.0) / square) if square > 0.0 else math.inf
 
 
-def _with_z_score(z_score: float, change: Sequence[Floats], left: Sequence[Floats]) -> float:
-    """Return the size with an expected z-score of the improvement, see ``improvement``.
+def size_with_z_score(z_score: float, change: Sequence[Floats], left: Sequence[Floats]) -> float:
+    """Return the size of an effect with an expected z-score of the improvement, see ``improvement``.
 
     An effect of size a adds a d to what is left, e. Without its description the square is larger by a^2 sum d d. Its
     standard error is 2 a sqrt(sum (d e)^2), of the products of each block.

@@ -84,9 +84,8 @@ def _load_of(data: GapData, fit: Refit, motion: Motion, weights: Floats) -> Othe
     learnt = replace(setup, data=diagnosis.file_state.setup.data).fit(effects, fit.logs, fixed, evaluations=1)
     errors = [one.standard_errors().get((place, 0), 0.0) for one in (alone, learnt)]
     mass, fitted_mass = _moving_mass(alone.model), _moving_mass(fit.model)
-    if abs(mass - fitted_mass) <= data.options.tolerance * fitted_mass + criteria.interval_z_score * math.hypot(
-        *errors
-    ):
+    least = data.options.tolerance * fitted_mass + criteria.interval_z_score * math.hypot(*errors)
+    if abs(mass - fitted_mass) <= least:
         return None
     same_load = setup.fit(effects, fit.logs, [*fixed, (place, 0)])
     before, left, after = (

@@ -197,7 +197,7 @@ def wear_step_next(v, h, s, p):
 def dwell_breakaway(s, p):
     """Static friction that rises with the logarithm of rest [-]; p: share, dwell_time, memory_distance.
 
-    State: logarithm of 1 + age / dwell_time, at 1 s of rest the divisor.
+    State: ln(1 + age / dwell_time). The divisor is its value after 1 s at rest.
     """
     return 1.0 + p[0] * s[0] / math.log1p(1.0 / p[1])
 

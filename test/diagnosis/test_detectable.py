@@ -5,7 +5,7 @@ import pytest
 from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.detectable import _with_z_score
+from sgms_observer.diagnosis.detectable import size_with_z_score
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.workflow import diagnose
@@ -57,7 +57,7 @@ def test_the_expected_z_score_is_that_of_the_improvement() -> None:
     rng = np.random.default_rng(3)
     left = [rng.standard_normal(200) for _ in range(60)]
     change = [np.sin(0.1 * np.arange(200.0) + k) for k in range(60)]
-    size = _with_z_score(4.0, change, left)
+    size = size_with_z_score(4.0, change, left)
     z_scores = [
         improvement([e + sign * size * d for d, e in zip(change, left, strict=True)], left).z_score
         for sign in (1.0, -1.0)
